@@ -96,15 +96,19 @@ void bind_camera(py::module_& module) {
       module, "Camera",
       R"(A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
-width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion: k1 k2
-p1 p2 [k3 [k4 k5 k6]]. response: Response, with encoded = response(exposure * gain * vignetting * radiance). vignetting:
-v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row to
-its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt 2006
-as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
-downwards, pixels a radian; see equirectangular()). The last two can only measure light, as a rig's front camera or in
-Capture: tracking boards and drawing objects need perspective pictures. field_of_view: degrees across a fisheye's
-circle; what lies outside it, black in most pictures, is ignored; 360 uses all that the model reaches. Raises ValueError
-for what is not a camera.)")
+width, height: pixels.
+fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv).
+distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]].
+response: Response, with encoded = response(exposure * gain * vignetting * radiance).
+vignetting: v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length.
+readout: seconds from a picture's first row to its last: row r is exposed around time + r / height * readout.
+model: "perspective"; "fisheye" (Kannala and Brandt 2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or
+"equirectangular" (longitude fx to the right and latitude fy downwards, pixels a radian; see equirectangular()).
+The last two can only measure light, as a rig's front camera or in Capture: tracking boards and drawing objects need
+perspective pictures.
+field_of_view: degrees across a fisheye's circle; what lies outside it, black in most pictures, is ignored; 360 uses all
+that the model reaches.
+Raises ValueError for what is not a camera.)")
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion, const std::optional<Response>& response,
                        double gain, std::vector<double> vignetting, double readout,

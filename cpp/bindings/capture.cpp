@@ -144,15 +144,20 @@ Raises ValueError for values out of range.)")
           py::arg("plane") = true, py::arg("number") = 0,
           R"(Updates the texels that a picture shows.
 
-image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
-or (4, 4). exposure: multiplier; None where it is not known: it is then estimated from what the map knows of the places
-in the picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows what is
-not part of the place. last_row: for a rolling shutter, camera_from_marker when the picture's last row was taken; the
-argument camera_from_marker is then that of the first row. In a fisheye or 360 degree picture all rows count as taken
-half-way (10 degrees in a readout: 5 to 6 % of the texels' light). tint: known factor on the exposure per channel, see
-fastibl.white. plane: False where the place of the camera is a guess: what was otherwise seen of the plane is then kept.
-number: tells apart cameras whose parameters are the same. Returns Taken. Raises ValueError or TypeError, naming what
-was expected and what came.)")
+image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size.
+camera_from_marker: Pose or (4, 4).
+exposure: multiplier; None where it is not known: it is then estimated from what the map knows of the places in the
+picture, see Taken.
+time: seconds, not decreasing.
+mask: (h, w) bool or uint8, 0 where the picture shows what is not part of the place.
+last_row: for a rolling shutter, camera_from_marker when the picture's last row was taken; the argument
+camera_from_marker is then that of the first row. In a fisheye or 360 degree picture all rows count as taken half-way
+(10 degrees in a readout: 5 to 6 % of the texels' light).
+tint: known factor on the exposure per channel, see fastibl.white.
+plane: False where the place of the camera is a guess: what was otherwise seen of the plane is then kept.
+number: tells apart cameras whose parameters are the same.
+Returns Taken.
+Raises ValueError or TypeError, naming what was expected and what came.)")
       .def_property_readonly("mended", [](const Capture& capture) { return one_at_a_time(&capture, [&] { return capture.mended(); }); }, R"(How often the scale of a camera that tells no exposure was found wrong.
 
 Everything that it had shown was then made brighter or darker, so that the sky lights the board as the board's white

@@ -115,11 +115,12 @@ void bind_environment(py::module_& module) {
            py::arg("box") = py::none(),
            R"(A map that is known everywhere.
 
-centre: (3,) metres, marker frame: the place from which the map is seen, (0, 0, 0) by default. lights: (m, 4) x y z
-radius, metres: those lights of the map that are near, as spheres; their light then changes from place to place. Spheres
-that are not finite, or that contain the centre, are taken as distant. box: walls, floor and ceiling of the room that
-the map shows, two corners (2, 3), metres; glossy surfaces then reflect them where they are. Raises ValueError for other
-shapes, a centre that is not finite, or a box that does not contain the centre.)")
+centre: (3,) metres, marker frame: the place from which the map is seen, (0, 0, 0) by default.
+lights: (m, 4) x y z radius, metres: those lights of the map that are near, as spheres; their light then changes from
+place to place. Spheres that are not finite, or that contain the centre, are taken as distant.
+box: walls, floor and ceiling of the room that the map shows, two corners (2, 3), metres; glossy surfaces then reflect
+them where they are.
+Raises ValueError for other shapes, a centre that is not finite, or a box that does not contain the centre.)")
       .def_property_readonly(
           "centre", [](const Environment& e) { return triple(e.centre); },
           "The place from which the radiance is seen, metres, marker frame.")

@@ -116,13 +116,15 @@ void bind_ggx(py::module_& module) {
 normals, views, tangents: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
 tangents: the direction of alpha_x, made perpendicular to the normals; where it is 0 or along the normal, any direction.
 roughness, anisotropy: in [0, 1], broadcast to (...), glTF's mapping (KHR_materials_anisotropy): alpha_y = roughness^2,
-alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02. alpha: (..., 2), alpha_x and alpha_y themselves,
-instead of roughness and anisotropy. normalization: "energy" (the lobe's average: multiple scattering is compensated, so
-that a constant map of radiance 1 gives 1) or "single" (this times the directional albedo of single scattering). method:
-"taps" (parts of the lobe along its longest axis), "gradient" (the paper's suggestion, texture gradients) or "sampled"
-(filtered importance sampling of the map's MIP levels, which tends to the truth). taps: number of look-ups, 1 to 16, 8
-by default; for "sampled" 1 to 65536, 64 by default. Returns (..., 3) float32. Raises ValueError for another shape, a
-value out of range or another name, TypeError for integers.)");
+alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02.
+alpha: (..., 2), alpha_x and alpha_y themselves, instead of roughness and anisotropy.
+normalization: "energy" (the lobe's average: multiple scattering is compensated, so that a constant map of radiance 1
+gives 1) or "single" (this times the directional albedo of single scattering).
+method: "taps" (parts of the lobe along its longest axis), "gradient" (the paper's suggestion, texture gradients) or
+"sampled" (filtered importance sampling of the map's MIP levels, which tends to the truth).
+taps: number of look-ups, 1 to 16, 8 by default; for "sampled" 1 to 65536, 64 by default.
+Returns (..., 3) float32.
+Raises ValueError for another shape, a value out of range or another name, TypeError for integers.)");
   module.def(
       "ggx_albedo",
       [](const py::object& views, const py::object& roughness, const py::object& anisotropy,

@@ -238,14 +238,16 @@ ValueError for negative values.)")
           R"(glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is not metal), compensated for
 multiple scattering, over a diffuse base.
 
-base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear. metallic,
-roughness: a number in [0, 1], or a texture (height, width): uint8 divided by 255, floats as they are. normal: a texture
-(height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v; x and y
-are multiplied by normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
-the tangent, which points where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the
-tangent runs around the mesh's z axis, and Scene refuses textures. Textures are filtered trilinearly; wrap: how they go
-on beyond their edges, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v. Raises ValueError
-for values out of range or another shape, TypeError for another dtype.)")
+base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear.
+metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 divided by 255, floats as they are.
+normal: a texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along
+growing v; x and y are multiplied by normal_scale; or None.
+anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along the tangent, which points where u grows,
+turned by anisotropy_rotation (radians) towards where v grows.
+Without uvs the tangent runs around the mesh's z axis, and Scene refuses textures.
+Textures are filtered trilinearly; wrap: how they go on beyond their edges, "repeat", "clamp" (their border) or
+"mirror", or two of these, along u and v.
+Raises ValueError for values out of range or another shape, TypeError for another dtype.)")
       .def_property_readonly(
           "model", [](const Material& m) { return m.pbr ? "pbr" : "blinn-phong"; },
           "\"blinn-phong\" (Eq. 3) or \"pbr\".")

@@ -18,10 +18,14 @@ void set_look(Scene& scene, const ShadowLook& look) {
 void bind_object(py::module_& module) {
   py::class_<Scene>(module, "Scene", R"(An object ready to be rendered.
 
-mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
-frame by default. spheres: largest number of shadow proxies, 0 for no shadow. visibility_rays: number of rays for P_V, 0
-for no self-shadow at all. refine: whether to split triangles in which the object's self-shadow changes; the surface
-stays the same, and so does the paper's P_V. Raises ValueError for negative numbers or what is not a pose.)")
+mesh: Mesh in its own frame, metres (see stand).
+material: Material.
+marker_from_object: Pose or (4, 4); the marker frame by default.
+spheres: largest number of shadow proxies, 0 for no shadow.
+visibility_rays: number of rays for P_V, 0 for no self-shadow at all.
+refine: whether to split triangles in which the object's self-shadow changes; the surface stays the same, and so does
+the paper's P_V.
+Raises ValueError for negative numbers or what is not a pose.)")
       .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
                        const py::object& marker_from_object, int spheres, int rays, bool refine) {
              const Pose pose = marker_from_object.is_none()

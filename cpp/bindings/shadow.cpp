@@ -238,12 +238,15 @@ another shape, TypeError for another kind of array.)")
       py::arg("directions") = 256,
       R"(Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
-spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "directions" (the default,
-"auto"; correct where spheres overlap), or the paper's methods: "cap-sum" adds what the spheres hold back, "cap-product"
-multiplies what they let through. directions: how many directions stand for all light in the method "directions", 8 to
-4096; the root mean square error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A
-channel without light has ratio 1, a point in a sphere has 0; spheres that are not finite, have a radius of 0 or less,
-or lie below the plane are ignored. Raises ValueError for another shape, method or number, TypeError for integers.)");
+spheres: (m, 4), x y z radius in metres, marker frame.
+points: (..., 2) metres.
+method: "directions" (the default, "auto"; correct where spheres overlap), or the paper's methods: "cap-sum" adds what
+the spheres hold back, "cap-product" multiplies what they let through.
+directions: how many directions stand for all light in the method "directions", 8 to 4096; the root mean square error of
+the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024.
+A channel without light has ratio 1, a point in a sphere has 0; spheres that are not finite, have a radius of 0 or less,
+or lie below the plane are ignored.
+Raises ValueError for another shape, method or number, TypeError for integers.)");
   module.def(
       "cast_shadow",
       [](const CubeMap& cube, const py::object& spheres, const std::string& method, int resolution,
@@ -259,11 +262,13 @@ or lie below the plane are ignored. Raises ValueError for another shape, method 
       py::arg("outer") = true,
       R"(ShadowMap of spheres, see shadow_ratio.
 
-resolution: texels along an edge; 0 means the method's default: 128 for "directions", 64 for the others. extent: half
-the map's edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the
-middle of the spheres. outer: whether "directions" adds a coarse map around it, large enough that what is left out is at
-most 1/510, but at most eight times the extent; without it, and with the other methods, the ratio fades to 1 over the
-outer tenth of the map. Raises ValueError for another shape or method and for numbers out of range.)");
+resolution: texels along an edge; 0 means the method's default: 128 for "directions", 64 for the others.
+extent: half the map's edge in metres, by default 3 times the spheres' half width or half height.
+centre: (x, y), by default the middle of the spheres.
+outer: whether "directions" adds a coarse map around it, large enough that what is left out is at most 1/510, but at
+most eight times the extent; without it, and with the other methods, the ratio fades to 1 over the outer tenth of the
+map.
+Raises ValueError for another shape or method and for numbers out of range.)");
   py::class_<DirectionShadow>(
       module, "DirectionShadow",
       R"(Casts the shadows of one object, frame by frame, with the method "directions".

@@ -102,11 +102,13 @@ def run(
     """Calls function(item, path) for every item without a result in the folder `out`.
 
     function: writes a file or a folder at `path`, whose ending is that of the result; the function and the items go to
-    other processes by pickle. name: function from an item to the name of its result; by default the item's file name
-    without its ending, or str(item), and `suffix`. workers: number of processes (default: one per core), where no
-    executor is given. executor: anything with submit(function, *arguments) whose futures have add_done_callback and
-    result. threads: number of fastibl's threads in each call; by default the cores are shared among the workers, and
-    other executors' threads are left alone.
+    other processes by pickle.
+    name: function from an item to the name of its result; by default the item's file name without its ending, or
+    str(item), and `suffix`.
+    workers: number of processes (default: one per core), where no executor is given.
+    executor: anything with submit(function, *arguments) whose futures have add_done_callback and result.
+    threads: number of fastibl's threads in each call; by default the cores are shared among the workers, and other
+    executors' threads are left alone.
 
     Raises ValueError for two items with the same name, a name that is not a file name, or fewer than one worker or
     thread; TypeError for one path instead of items, and for what is not an executor. What items raise is in the

@@ -33,12 +33,14 @@ def read_environment(
     path: a picture may be equirectangular, twice as wide as high, or a cube map laid out as by `write_environment`: a
     strip, a cross, or the first of six faces (..._px.hdr, or px.hdr, as three.js' examples name them).
     axes: those in which the map was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along
-    +x). size: face edge in texels for an equirectangular picture; cube faces keep their own. response: the camera's
-    response, or another encoding, for .png and .jpg, such as Response.srgb(); its white becomes radiance 1, and what
-    was brighter is lost. handedness: that of cube maps, see `write_environment`; by default "left" for .ktx2 and .dds,
-    "right" for pictures. Raises FileNotFoundError; ValueError for a file that is not such a map, is damaged, or is
-    larger than fastibl.file_limits allows, and for a handedness given for an equirectangular picture; ImportError for
-    .exr without OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
+    +x).
+    size: face edge in texels for an equirectangular picture; cube faces keep their own.
+    response: the camera's response, or another encoding, for .png and .jpg, such as Response.srgb(); its white becomes
+    radiance 1, and what was brighter is lost.
+    handedness: that of cube maps, see `write_environment`; by default "left" for .ktx2 and .dds, "right" for pictures.
+    Raises FileNotFoundError; ValueError for a file that is not such a map, is damaged, or is larger than
+    fastibl.file_limits allows, and for a handedness given for an equirectangular picture; ImportError for .exr without
+    OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
     """
     path = Path(path)
     expect(response, (Response, type(None)), "response", "Response.srgb() is that of most pictures")
@@ -130,9 +132,9 @@ def write_environment(
     row, +y above and -y below +z, the rest black.
     handedness: that of cube maps. "left", the default for .ktx2, as that format requires and as three.js and Babylon.js
     look up cube textures: a direction (x, y, z) of the axes is the cube coordinate (-x, y, z), and faces look as seen
-    from inside. "right", the default for pictures: the cube coordinate is (x, y, z), as described above. Raises
-    TypeError for what is not a map, ValueError for another layout, axes, handedness or ending, and for a handedness
-    given for an equirectangular picture, ImportError for .exr without OpenEXR.
+    from inside. "right", the default for pictures: the cube coordinate is (x, y, z), as described above.
+    Raises TypeError for what is not a map, ValueError for another layout, axes, handedness or ending, and for a
+    handedness given for an equirectangular picture, ImportError for .exr without OpenEXR.
     """
     path = Path(path)
     radiance = radiance_of(cube)

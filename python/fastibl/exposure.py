@@ -46,9 +46,12 @@ class Bracket:
 class AdaptiveExposure:
     """Chooses exposures by what the map still lacks where a camera looks, see Capture.next_exposure.
 
-    camera: a perspective one. shortest, longest: limits of its driver. Call `update` with what was captured; the next
-    exposure is asked for as with a Bracket. Before the first update the exposure stays as it is. flicker: Hz of lamps
-    on the mains, 100 or 120: exposures that are long enough are made whole periods, see whole_periods; 0 for daylight.
+    camera: a perspective one.
+    shortest, longest: limits of its driver.
+    Call `update` with what was captured; the next exposure is asked for as with a Bracket. Before the first update the
+    exposure stays as it is.
+    flicker: Hz of lamps on the mains, 100 or 120: exposures that are long enough are made whole periods, see
+    whole_periods; 0 for daylight.
     seconds_at_one: exposure time of an exposure of 1, 10 ms for live cameras.
     """
 

@@ -24,8 +24,7 @@ DAMAGES = (
 
 
 class Container:
-    """A glTF file. json: its content. chunk: bytes of a .glb's second part. Raises ValueError for what is not glTF
-    2."""
+    """json: the file's content. chunk: bytes of a .glb's second part. Raises ValueError for what is not glTF 2."""
 
     def __init__(self, path: Path):
         self.path, data = path, file_bytes(path)

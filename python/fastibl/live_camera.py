@@ -109,12 +109,15 @@ def open_camera(device: int | str) -> Any:
 class LiveCamera:
     """A camera by number, device path or URL, or a video file, read in a thread of its own; a context manager.
 
-    size: (width, height) asked of the camera. name: its name in messages. open_capture: called with the device, returns
-    what behaves like a cv2.VideoCapture. retry: seconds between attempts to open a camera that is not there. clock:
-    function that gives seconds, the same for all cameras. news: condition that is notified when a picture comes; may be
-    shared. log: called with one line when the camera comes, goes, or cannot hold its exposure. The camera first finds
-    its exposure by itself; then exposure and white balance are held, because radiance is compared between pictures. An
-    exposure of 1 is 10 ms where the driver tells times.
+    size: (width, height) asked of the camera.
+    name: its name in messages.
+    open_capture: called with the device, returns what behaves like a cv2.VideoCapture.
+    retry: seconds between attempts to open a camera that is not there.
+    clock: function that gives seconds, the same for all cameras.
+    news: condition that is notified when a picture comes; may be shared.
+    log: called with one line when the camera comes, goes, or cannot hold its exposure.
+    The camera first finds its exposure by itself; then exposure and white balance are held, because radiance is
+    compared between pictures. An exposure of 1 is 10 ms where the driver tells times.
     """
 
     def __init__(

@@ -59,13 +59,16 @@ class MeshShadow:
     parts, shadows are drawn from the triangles themselves.
 
     mesh: as it stands on the plane z = 0, metres; parts below it cast no shadow, triangles hide from both sides.
-    resolution: texels along an edge of the map, 8 to 1024. extent: half the map's edge in metres, by default 1.5 times
-    the object's largest extent; a coarse map of the same texels, 6 times as large, lies around it. rings, samples: the
-    sky has 4 rings^2 cells, each made of `samples` directions (1 to 63). directions: largest number of a light's
-    brightest parts to draw, 0 for none. fine: texels along an edge of one more map where a compact light, a sun or lamp
-    of a few degrees with a tenth of the irradiance, casts its shadow; 0 for none. progress: whether to show a bar on
-    stderr if that is a terminal and the work takes long; or a function that is given the part done, and ends the work
-    with KeyboardInterrupt by returning False. cache: whether to keep the work on disk and to take it from there.
+    resolution: texels along an edge of the map, 8 to 1024.
+    extent: half the map's edge in metres, by default 1.5 times the object's largest extent; a coarse map of the same
+    texels, 6 times as large, lies around it.
+    rings, samples: the sky has 4 rings^2 cells, each made of `samples` directions (1 to 63).
+    directions: largest number of a light's brightest parts to draw, 0 for none.
+    fine: texels along an edge of one more map where a compact light, a sun or lamp of a few degrees with a tenth of the
+    irradiance, casts its shadow; 0 for none.
+    progress: whether to show a bar on stderr if that is a terminal and the work takes long; or a function that is given
+    the part done, and ends the work with KeyboardInterrupt by returning False.
+    cache: whether to keep the work on disk and to take it from there.
 
     Raises ValueError for a mesh without triangles or with values that are not finite, and for options out of range.
     """

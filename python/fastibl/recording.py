@@ -63,11 +63,14 @@ _FOLDERS["truth"] = re.compile(r"map-\d+\.npy|maps\.csv|poses\.csv|events\.json"
 class Frame:
     """Pictures of one moment.
 
-    time: seconds. back, front: (h, w, 3) RGB or None: uint8 or uint16, encoded, or float32, linear. back_exposure,
-    front_exposure: multipliers of radiance, None where they are not known. back_from_marker: Pose where it is known;
-    tracking is then skipped. back_last_row: given with it, the pose when the last row of a rolling shutter was taken,
-    `readout` later; None derives it from the poses before. attitude: (3, 3) rotation of the back camera from a
-    gyroscope: from any frame at rest that is the same for all pictures, to the camera's; None where nothing tells it.
+    time: seconds.
+    back, front: (h, w, 3) RGB or None: uint8 or uint16, encoded, or float32, linear.
+    back_exposure, front_exposure: multipliers of radiance, None where they are not known.
+    back_from_marker: Pose where it is known; tracking is then skipped.
+    back_last_row: given with it, the pose when the last row of a rolling shutter was taken, `readout` later; None
+    derives it from the poses before.
+    attitude: (3, 3) rotation of the back camera from a gyroscope: from any frame at rest that is the same for all
+    pictures, to the camera's; None where nothing tells it.
     """
 
     time: float
@@ -112,11 +115,13 @@ class RecordingWarning(UserWarning):
 class Truth:
     """What is known of a recording besides its pictures.
 
-    maps: (time from which it holds, environment map at the object), in order. poses: (time, back_from_marker), in
-    order. lamp_time: when a lamp was switched on, or None. hand: times at which a hand began and ceased to cover the
-    front camera, or None. position: the place from which the maps are seen, marker frame, metres. clock_offset:
-    seconds; all times here are by the poses' clock, which shows `time` + clock_offset when a picture stamped `time`
-    begins.
+    maps: (time from which it holds, environment map at the object), in order.
+    poses: (time, back_from_marker), in order.
+    lamp_time: when a lamp was switched on, or None.
+    hand: times at which a hand began and ceased to cover the front camera, or None.
+    position: the place from which the maps are seen, marker frame, metres.
+    clock_offset: seconds; all times here are by the poses' clock, which shows `time` + clock_offset when a picture
+    stamped `time` begins.
     """
 
     maps: Sequence[tuple[float, CubeMap]] = ()

@@ -59,15 +59,17 @@ class _Closing:
 class CameraSource(_Closing):
     """One or two live cameras, each read in a thread of its own.
 
-    rig: says what was calibrated; front=None leaves its front camera out. back, front: number, device path or URL, or
-    None; a video file stands in for a camera, and plays once, at its own speed. The source gives the newest picture of
-    each camera: pictures that a slow reader has not asked for are dropped and counted. Pictures grabbed within
-    `together` seconds make one Frame, others one each, so cameras may have any rhythm. A camera that is unplugged is
-    missing from the frames until it is back. Iteration ends only with close(), after `patience` seconds without any
-    picture, or, where there are only video files, with the end of the last one. Times are seconds since the source was
-    made. schedules: for "back" or "front", a function from the exposure of a picture to that of the next, such as a
-    Bracket; without one, the exposure stays as the camera found it. A camera with a schedule gives no pictures while it
-    changes from one exposure to the next. Where a camera does not hold its exposure, the Frame's exposure is None.
+    rig: says what was calibrated; front=None leaves its front camera out.
+    back, front: number, device path or URL, or None; a video file stands in for a camera, and plays once, at its own
+    speed.
+    The source gives the newest picture of each camera: pictures that a slow reader has not asked for are dropped and
+    counted. Pictures grabbed within `together` seconds make one Frame, others one each, so cameras may have any rhythm.
+    A camera that is unplugged is missing from the frames until it is back. Iteration ends only with close(), after
+    `patience` seconds without any picture, or, where there are only video files, with the end of the last one. Times
+    are seconds since the source was made.
+    schedules: for "back" or "front", a function from the exposure of a picture to that of the next, such as a Bracket;
+    without one, the exposure stays as the camera found it. A camera with a schedule gives no pictures while it changes
+    from one exposure to the next. Where a camera does not hold its exposure, the Frame's exposure is None.
     Other options are those of LiveCamera.
     """
 
@@ -195,11 +197,13 @@ class VideoSource(_Closing):
     """Video files of one or two cameras, read from the start, frame by frame; iterate as often as you like.
 
     back, front: files. Times are the files' own, from 0 at each file's first picture; fps: pictures per second to use
-    instead. Pictures are as the sensor took them: a rotation noted in a file is ignored. exposures: (back, front), in
-    one unit, for cameras whose exposure was held; None, the default, where a camera chose its own. front_after: seconds
-    by which the front film began after the back film, negative if before it; a light that is switched in both films
-    tells it. A video that ends early or breaks off ends the frames of that camera. A RecordingWarning is given where a
-    video gave no frames, and where it is HDR, because its bright parts are cut.
+    instead. Pictures are as the sensor took them: a rotation noted in a file is ignored.
+    exposures: (back, front), in one unit, for cameras whose exposure was held; None, the default, where a camera chose
+    its own.
+    front_after: seconds by which the front film began after the back film, negative if before it; a light that is
+    switched in both films tells it.
+    A video that ends early or breaks off ends the frames of that camera. A RecordingWarning is given where a video gave
+    no frames, and where it is HDR, because its bright parts are cut.
     """
 
     def __init__(
@@ -272,10 +276,11 @@ class FolderSource(_Closing):
     """Pictures in folders, ordered by the last number in their names: those of one number make one Frame.
 
     back, front: folders with .png, .jpg, … Pictures are as the sensor took them: EXIF turns none, and 16 bits are kept.
-    fps: pictures per second, for the times. exposures: as in VideoSource. A number that is missing among evenly
-    numbered pictures counts as a lost picture: those after it keep their times. Where numbers tell no order, or those
-    of the two cameras differ, pictures follow each other in the order of their names. A picture that cannot be read is
-    skipped with a RecordingWarning.
+    fps: pictures per second, for the times.
+    exposures: as in VideoSource.
+    A number that is missing among evenly numbered pictures counts as a lost picture: those after it keep their times.
+    Where numbers tell no order, or those of the two cameras differ, pictures follow each other in the order of their
+    names. A picture that cannot be read is skipped with a RecordingWarning.
     """
 
     def __init__(

@@ -86,11 +86,14 @@ class Tracker:
 
     method: "edges" (what "auto" chooses) follows the tags' edges from picture to picture, and detects tags only to
     start and to recover; "board" detects all tags anew in every picture; "frame-marker" (the paper of 2014) uses the
-    largest tag alone. The last two keep nothing between pictures. refine: for these two, whether to measure the corners
-    again along the tags' sides, in linear light (uses camera.response). smoothing: for "edges", time constant in
-    seconds of a low-pass filter on the returned poses, which then lag behind a steady motion by that time; 0, the
-    default, for no filter. gravity_in_marker: (3,) direction of down in the marker frame, used where track() is given
-    gravity; the default is a board lying on a table. Raises ValueError for another method, or a smoothing below 0.
+    largest tag alone. The last two keep nothing between pictures.
+    refine: for these two, whether to measure the corners again along the tags' sides, in linear light (uses
+    camera.response).
+    smoothing: for "edges", time constant in seconds of a low-pass filter on the returned poses, which then lag behind a
+    steady motion by that time; 0, the default, for no filter.
+    gravity_in_marker: (3,) direction of down in the marker frame, used where track() is given gravity; the default is a
+    board lying on a table.
+    Raises ValueError for another method, or a smoothing below 0.
     """
 
     def __init__(

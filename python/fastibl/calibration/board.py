@@ -23,9 +23,12 @@ class BoardCalibration:
     """A board, and how well it is known.
 
     board: Board with its tags where they were found; its overall size is the one it was said to have, or follows
-    `measured`. stretch: its height relative to its width (1.002: printed 0.2 % too high). flatness: (tags, 4) metres by
-    which corners lie above the mean plane; deviation: standard deviation of a corner's place, metres. residual: RMS of
-    corners in pictures, pixels. scale: size of the board relative to what it was said to be.
+    `measured`.
+    stretch: its height relative to its width (1.002: printed 0.2 % too high).
+    flatness: (tags, 4) metres by which corners lie above the mean plane; deviation: standard deviation of a corner's
+    place, metres.
+    residual: RMS of corners in pictures, pixels.
+    scale: size of the board relative to what it was said to be.
     """
 
     board: Board
@@ -67,11 +70,12 @@ def calibrate_board(
     """Finds where a printed board's tags are (Strobl and Hirzinger 2011, by OpenCV).
 
     pictures: (h, w, 3) uint8 or uint16 RGB of the camera's size, each showing all of the board, from different sides.
-    camera: the camera found by calibrate_camera(); its lens is fitted again together with the board. measured: the ids
-    of two tags and the distance of their centres in metres, measured with a ruler, within 10 % of the board's: pictures
-    alone cannot tell a scale, and without it the board keeps its stated width. Warns of a print that is not flat (0.3
-    mm for the default board): a Board is flat, so poses from it are then off. Raises ValueError for fewer than five
-    pictures of the whole board, unknown ids, another distance, or a board known worse than within 0.1 % of its size.
+    camera: the camera found by calibrate_camera(); its lens is fitted again together with the board.
+    measured: the ids of two tags and the distance of their centres in metres, measured with a ruler, within 10 % of the
+    board's: pictures alone cannot tell a scale, and without it the board keeps its stated width.
+    Warns of a print that is not flat (0.3 mm for the default board): a Board is flat, so poses from it are then off.
+    Raises ValueError for fewer than five pictures of the whole board, unknown ids, another distance, or a board known
+    worse than within 0.1 % of its size.
     """
     size = size_of(pictures)
     if size != (camera.width, camera.height):

@@ -29,10 +29,11 @@ class Bundle:
     """One adjustment.
 
     lens: as OpenCV has it, in the order of CameraCalibration.deviations, and its standard deviations; poses:
-    camera_from_marker of each picture, for its middle row; residual: RMS of corners, pixels. bend: metres between the
-    print's highest and lowest corner above the mean plane; stretch: its height relative to its width (1.002: 0.2 % too
-    high); bent: whether pictures can tell these from a flat print of the stated size. moved: pixels by which corners
-    move from the first to the last row, the median of the pictures; 0 where rows were assumed to be taken at once.
+    camera_from_marker of each picture, for its middle row; residual: RMS of corners, pixels.
+    bend: metres between the print's highest and lowest corner above the mean plane; stretch: its height relative to its
+    width (1.002: 0.2 % too high); bent: whether pictures can tell these from a flat print of the stated size.
+    moved: pixels by which corners move from the first to the last row, the median of the pictures; 0 where rows were
+    assumed to be taken at once.
     readout: seconds from the first to the last row, and its standard deviation, where times tell them.
     squares, freedom: sum of squares of the residuals, pixels squared, and its degrees of freedom; motions: number of
     parameters of the motion.
@@ -170,10 +171,12 @@ def adjust(
 ) -> Bundle:
     """Fits lens and poses by Gauss-Newton, starting from a fit with a flat print and a camera at rest.
 
-    poses: camera_from_marker of each of `seen`. count: number of the lens's parameters that were fitted. bends: whether
-    the print may be bent and stretched; moves: whether each picture's rows may be taken one after the other. times:
-    seconds of the pictures of a film, each of which has neighbours(): the poses then tell the motion, and the time from
-    the first to the last row is fitted; otherwise each picture has a motion of its own, like that of a hand.
+    poses: camera_from_marker of each of `seen`.
+    count: number of the lens's parameters that were fitted.
+    bends: whether the print may be bent and stretched; moves: whether each picture's rows may be taken one after the
+    other.
+    times: seconds of the pictures of a film, each of which has neighbours(): the poses then tell the motion, and the
+    time from the first to the last row is fitted; otherwise each picture has a motion of its own, like that of a hand.
     """
     print_ = _Print.of(board)
     lens = np.array([camera.fx, camera.fy, *_opencv_centre(camera), *camera.distortion], np.float64)

@@ -34,14 +34,18 @@ class CameraCalibration:
     """A camera, and how well it is known.
 
     deviations: standard deviation of fx, fy, cx, cy (pixels) and of each distortion coefficient, for corners whose
-    errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them. residual:
-    RMS of corners, pixels. pictures: indices of those used. poses: camera_from_marker of each. bend: metres between the
-    print's lowest and highest corners, from a fit in which the print is free to bend; stretch: its height relative to
-    its width (1.002: 0.2 % too high). moved: pixels by which corners move between the first and the last row of a
-    picture, because of a rolling shutter, the median of the pictures; 0 where no motion is to be seen. readout: seconds
-    from the first to the last row, and their standard deviation, where times tell it; camera has it, too. Where
-    pictures can tell a bent print from a flat one, or a motion from a camera at rest, everything else is from the fit
-    with it, and poses are those of the middle row.
+    errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them.
+    residual: RMS of corners, pixels.
+    pictures: indices of those used.
+    poses: camera_from_marker of each.
+    bend: metres between the print's lowest and highest corners, from a fit in which the print is free to bend; stretch:
+    its height relative to its width (1.002: 0.2 % too high).
+    moved: pixels by which corners move between the first and the last row of a picture, because of a rolling shutter,
+    the median of the pictures; 0 where no motion is to be seen.
+    readout: seconds from the first to the last row, and their standard deviation, where times tell it; camera has it,
+    too.
+    Where pictures can tell a bent print from a flat one, or a motion from a camera at rest, everything else is from the
+    fit with it, and poses are those of the middle row.
     """
 
     camera: Camera
@@ -78,14 +82,16 @@ def calibrate_camera(
 ) -> CameraCalibration:
     """Finds focal lengths, principal point and distortion from pictures of a flat board (Zhang 2000, by OpenCV).
 
-    pictures: (h, w, 3) uint8 or uint16 RGB, of one size, showing the board at different places and tilts. model:
-    "perspective", with terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four. response:
-    of the camera, for corners in linear light; sRGB by default. times: seconds, for pictures from a film, at least
-    three in a row for each place: they tell how the camera moved while a rolling shutter took its rows. Raises
-    ValueError where pictures show too little of the board or of the lens, or do not tell the focal length within 1 %.
-    Warns of a print that is bent or stretched, and widens the stated deviations accordingly. Where a camera with a
-    rolling shutter moved, its motion is fitted with the lens: from times, or else as a separate motion per picture,
-    which leaves the lens far less certain.
+    pictures: (h, w, 3) uint8 or uint16 RGB, of one size, showing the board at different places and tilts.
+    model: "perspective", with terms = 4 (k1 k2 p1 p2), 5 (and k3) or 8 coefficients; or "fisheye", always with four.
+    response: of the camera, for corners in linear light; sRGB by default.
+    times: seconds, for pictures from a film, at least three in a row for each place: they tell how the camera moved
+    while a rolling shutter took its rows.
+    Raises ValueError where pictures show too little of the board or of the lens, or do not tell the focal length within
+    1 %.
+    Warns of a print that is bent or stretched, and widens the stated deviations accordingly.
+    Where a camera with a rolling shutter moved, its motion is fitted with the lens: from times, or else as a separate
+    motion per picture, which leaves the lens far less certain.
     """
     if model not in ("perspective", "fisheye") or terms not in (4, 5, 8):
         raise ValueError(f"expected a perspective model of 4, 5 or 8 terms or a fisheye, got {model} of {terms}")

@@ -34,11 +34,14 @@ _RIVAL = 1.5  # times the least mean square, within which another offset is as g
 class TimingCalibration:
     """Times of a camera, in seconds, each with its standard deviation.
 
-    readout: from a picture's first row to its last. clock_offset: a picture stamped `time` begins at `time` +
-    clock_offset of the other clock; None where no other clock was given. frames: number of pictures that were used.
+    readout: from a picture's first row to its last.
+    clock_offset: a picture stamped `time` begins at `time` + clock_offset of the other clock; None where no other clock
+    was given.
+    frames: number of pictures that were used.
     times, poses: those of the tracked pictures, camera_from_marker of the first row; they can serve as a clock for
-    other cameras. gyroscope: how the gyroscope whose rates were given is mounted, and what it says of the camera; None
-    where there was none.
+    other cameras.
+    gyroscope: how the gyroscope whose rates were given is mounted, and what it says of the camera; None where there was
+    none.
     """
 
     readout: float
@@ -97,13 +100,15 @@ def calibrate_timing(
 ) -> TimingCalibration:
     """Readout of a camera, and its clock relative to another, from pictures of a board while the camera moves.
 
-    frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk
-    turns in several directions. camera: its lens; its stated readout is ignored. poses: (times, Pose or (n, 4, 4) or
-    (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the other clock: from a motion capture
-    system, an arm, or another camera (`.times`, `.poses` of its calibration). gyro: (times, (n, 3) radians a second) of
-    a gyroscope fixed to the camera, about its own axes. How either is mounted need not be known. longest_offset:
-    seconds on both sides of 0 within which the clock's offset is searched. None searches all of a gyroscope's log,
-    whose clock counts from another moment (a telephone's start), by how fast both turn.
+    frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk turns in
+    several directions.
+    camera: its lens; its stated readout is ignored.
+    poses: (times, Pose or (n, 4, 4) or (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the
+    other clock: from a motion capture system, an arm, or another camera (`.times`, `.poses` of its calibration).
+    gyro: (times, (n, 3) radians a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted
+    need not be known.
+    longest_offset: seconds on both sides of 0 within which the clock's offset is searched. None searches all of a
+    gyroscope's log, whose clock counts from another moment (a telephone's start), by how fast both turn.
 
     Each picture's edges say how far the board moved while its rows were read; the poses of the pictures before and
     after say how fast it moved. The readout is the ratio of the two. The offset is the one at which the turns between
