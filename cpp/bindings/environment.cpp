@@ -181,10 +181,12 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
           },
           "What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the "
           "light, unseen_flux is in what was never seen, and prior_flux is the part of that taken "
-          "from an earlier map; bound_flux is known as a lower bound only; boosted_flux clipped "
-          "and was put back (see Capture's most_boost); parallax is put in the wrong place because "
-          "things are near, as far as their lights tell; parallax_doubt may be put wrong as well, "
-          "since little was seen of how near things are. scale is the share by which all of it may "
+          "from an earlier map. Of the light above the horizon, bound_flux is known as a lower "
+          "bound "
+          "only; boosted_flux clipped and was put back (see Capture's most_boost). Of the "
+          "irradiance, parallax is put in the wrong place because things are near, as far as their "
+          "lights tell; parallax_doubt may be put wrong as well, since little was seen of how near "
+          "things are. scale is the share by which all of it may "
           "be wrong where a camera never told an exposure, as the board's white says.")
       .def(py::pickle(&environment_state, &environment_from_state))
       .def("__repr__", [](const Environment& e) {

@@ -151,7 +151,9 @@ fine map blends into the coarse one at its border. Beyond both the ratio is 1.)"
           [](const py::object& self) {
             return image_view(self, self.cast<const ShadowMap&>().ratio);
           },
-          "(n, n, 3) float32 in [0, 1], a read-only view; row 0 is y min, column 0 is x min.")
+          "(n, n, 3) float32, a read-only view; row 0 is y min, column 0 is x min. In [0, 1]; a "
+          "plane "
+          "gain may exceed 1.")
       .def_readonly("extent", &ShadowMap::extent, "Half the edge of `image` in metres.")
       .def_property_readonly(
           "outer",

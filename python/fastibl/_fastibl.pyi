@@ -14,8 +14,8 @@ class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
 
-    matrix: (4, 4) float64, rotation orthonormal within 1e-6, metres. Raises ValueError otherwise, TypeError for
-    integers or objects. Without an argument: the identity.
+    matrix: (4, 4) float64, rotation orthonormal within 1e-6, metres. Raises ValueError otherwise, TypeError for integers or
+    objects. Without an argument it is the identity.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
@@ -26,7 +26,7 @@ class Pose:
     @staticmethod
     def look_at(eye: typing.Any, target: typing.Any, up: typing.Any = (0.0, 0.0, 1.0)) -> Pose:
         """
-        camera_from_marker of a camera at `eye` that sees `target` in the middle of its picture, and `up` upwards: (3,) each, metres, marker frame. Along `up` it is some other way up. Raises ValueError for one and the same point, or what is not finite.
+        camera_from_marker of a camera at `eye` that sees `target` in the middle of its picture, and `up` upwards: (3,) each, metres, marker frame. If it looks along `up`, another direction is upwards. Raises ValueError if both points are the same, or for what is not finite.
         """
     def __array__(self, *args, **kwargs) -> numpy.typing.NDArray[numpy.float64]:
         ...
@@ -46,7 +46,7 @@ class Pose:
     @typing.overload
     def __matmul__(self, points: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Points (..., 3) in the source frame to (..., 3) float64 in the target frame.
+        Transforms points (..., 3) in the source frame to (..., 3) float64 in the target frame.
         """
     def __repr__(self) -> str:
         ...
@@ -79,15 +79,15 @@ class CubeMap:
     """
     Linear radiance over the sphere, with its MIP chain.
 
-    faces: (6, n, n, 3), any float dtype, faces in the order +x -x +y -y +z -z with OpenGL's orientation; a
-    marker-frame direction is the OpenGL cube coordinate. NaN and negative values become 0, values above 1e9 (and
-    infinity) become 1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.
+    faces: (6, n, n, 3), any float dtype, in the order +x -x +y -y +z -z with OpenGL's orientation; a direction in the
+    marker frame is the OpenGL cube coordinate. NaN and negative values become 0, values above 1e9 (and infinity) become
+    1e9; `cleaned` counts them. Raises ValueError for another shape, TypeError for integers.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def _repr_png_(thing: typing.Any) -> bytes:
         """
-        `picture` as a PNG file. Raises what it raises.
+        The result of `picture` as a PNG file. Raises what `picture` raises.
         """
     def __copy__(self) -> CubeMap:
         ...
@@ -127,7 +127,7 @@ class CubeMap:
     @property
     def cleaned(self) -> dict:
         """
-        Numbers of values that cleaning on entry changed: nan, negative, capped.
+        How many values were changed by cleaning on entry: nan, negative, capped.
         """
     @property
     def faces(self) -> numpy.ndarray:
@@ -137,7 +137,7 @@ class CubeMap:
     @property
     def level_count(self) -> int:
         """
-        Number of MIP levels, the faces themselves among them.
+        Number of MIP levels, including the faces themselves.
         """
     @property
     def size(self) -> int:
@@ -147,8 +147,8 @@ class CubeMap:
     @property
     def tile_versions(self) -> numpy.typing.NDArray[numpy.uint64]:
         """
-        (6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the
-        same texels in that part of a face. For what is made from a map, to be renewed only where it changed.
+        (6, t, t) uint64, t = min(size, 16): where two maps of one size have the same number, they have the same
+        texels in that part of a face. With them, what is made from a map can be renewed only where the map changed.
         """
 class Response:
     """
@@ -158,7 +158,7 @@ class Response:
     @staticmethod
     def from_curve(curve: typing.Any) -> Response:
         """
-        Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the black level and 1 from the white level on, strictly increasing between them. Raises ValueError for others.
+        Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the black level and 1 from the white level on, strictly increasing between them. Raises ValueError for other values.
         """
     @staticmethod
     def gamma(exponent: typing.SupportsFloat | typing.SupportsIndex) -> Response:
@@ -180,15 +180,15 @@ class Response:
         ...
     def between(self, black: typing.SupportsFloat | typing.SupportsIndex, white: typing.SupportsFloat | typing.SupportsIndex) -> Response:
         """
-        The same curve between other levels, encoded, to an eighth of an 8-bit code: Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white 235. Raises ValueError unless 0 <= black < white <= 1.
+        The same curve between other encoded levels, to an eighth of an 8-bit code: Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white 235. Raises ValueError unless 0 <= black < white <= 1.
         """
     def decode(self, encoded: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Linear values float32 of encoded ones in [0, 1], any float dtype and shape.
+        Linear float32 values of encoded ones in [0, 1], which may have any float dtype and shape.
         """
     def encode(self, linear: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Encoded values float32 in [0, 1] of linear ones, any float dtype and shape.
+        Encoded float32 values in [0, 1] of linear ones, which may have any float dtype and shape.
         """
     @property
     def black(self) -> float:
@@ -203,32 +203,36 @@ class Response:
     @property
     def white(self) -> float:
         """
-        Encoded value of light at and beyond which all is clipped.
+        Encoded value of the light at and beyond which everything is clipped.
         """
 class Camera:
     """
     A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
 
-    width, height: pixels. fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv). distortion:
-    k1 k2 p1 p2 [k3 [k4 k5 k6]]. response: encoded = response(exposure * gain * vignetting * radiance). vignetting:
-    v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length. readout: seconds from a picture's first row
-    to its last: row r is exposed around time + r / height * readout. model: "perspective"; "fisheye" (Kannala and Brandt
-    2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or "equirectangular" (longitude fx to the right and latitude fy
-    downwards, pixels a radian; see equirectangular()). The last two measure light, as a rig's front camera or in Capture;
-    boards are tracked in, and objects drawn over, perspective pictures. field_of_view: degrees across a fisheye's circle;
-    what lies outside, which most pictures have black, is not looked at; 360: all that the model reaches. Raises ValueError
-    for what is not a camera.
+    width, height: pixels.
+    fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv).
+    distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]].
+    response: Response, with encoded = response(exposure * gain * vignetting * radiance).
+    vignetting: v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length.
+    readout: seconds from a picture's first row to its last: row r is exposed around time + r / height * readout.
+    model: "perspective"; "fisheye" (Kannala and Brandt 2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or
+    "equirectangular" (longitude fx to the right and latitude fy downwards, pixels a radian; see equirectangular()).
+    The last two can only measure light, as a rig's front camera or in Capture: tracking boards and drawing objects need
+    perspective pictures.
+    field_of_view: degrees across a fisheye's circle; what lies outside it, black in most pictures, is ignored; 360 uses all
+    that the model reaches.
+    Raises ValueError for what is not a camera.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def equirectangular(width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> Camera:
         """
-        A 360° camera: all directions, z in the middle of the picture. width, height: pixels. Raises ValueError for a size below 1.
+        A 360° camera that sees all directions, with z in the middle of the picture. width, height: pixels. Raises ValueError for a size below 1.
         """
     @staticmethod
     def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective', field_of_view: typing.SupportsFloat | typing.SupportsIndex = 360.0) -> Camera:
         """
-        From OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for what cv2.fisheye calibrates. Raises ValueError for other shapes, a wrong number of coefficients or another model.
+        Makes a camera from OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for a camera calibrated by cv2.fisheye. Raises ValueError for other shapes, a wrong number of coefficients or another model.
         """
     def __copy__(self) -> Camera:
         ...
@@ -246,7 +250,7 @@ class Camera:
         ...
     def project(self, points: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Pixels (..., 2) float64 of points (..., 3) in the camera frame; NaN behind a perspective camera and beyond the lens model.
+        Projects points (..., 3) in the camera frame to pixels (..., 2) float64; NaN behind a perspective camera and beyond the lens model.
         """
     def replace(self, **kwargs) -> Camera:
         """
@@ -254,37 +258,37 @@ class Camera:
         """
     def unproject(self, pixels: typing.Any) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Directions (..., 3) float64 through pixels (..., 2): z = 1 of a perspective camera, else of unit length; NaN beyond the lens model. Raises ValueError for another shape.
+        Directions (..., 3) float64 through pixels (..., 2): with z = 1 for a perspective camera, else of unit length; NaN beyond the lens model. Raises ValueError for another shape.
         """
     @property
     def cx(self) -> float:
         """
-        Principal point, pixels, pixel centres at + 0.5.
+        Principal point along x, pixels, pixel centres at + 0.5.
         """
     @property
     def cy(self) -> float:
         """
-        The same along y.
+        Principal point along y, as cx.
         """
     @property
     def distortion(self) -> tuple:
         """
-        k1 k2 p1 p2 [k3 [k4 k5 k6]]; of a fisheye k1 k2 k3 k4; empty for none.
+        k1 k2 p1 p2 [k3 [k4 k5 k6]]; for a fisheye k1 k2 k3 k4; empty for none.
         """
     @property
     def field_of_view(self) -> float:
         """
-        Degrees across a fisheye's circle; 360: all that its model reaches.
+        Degrees across a fisheye's circle; 360 means all that its model reaches.
         """
     @property
     def fx(self) -> float:
         """
-        Focal length along x, pixels; of an equirectangular camera pixels a radian.
+        Focal length along x, pixels; for an equirectangular camera, pixels per radian.
         """
     @property
     def fy(self) -> float:
         """
-        The same along y.
+        Focal length along y, as fx.
         """
     @property
     def gain(self) -> float:
@@ -304,7 +308,7 @@ class Camera:
     @property
     def opencv_matrix(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        (3, 3) float64 in OpenCV's convention.
+        Camera matrix (3, 3) float64 in OpenCV's convention.
         """
     @property
     def readout(self) -> float:
@@ -331,8 +335,8 @@ class Rig:
     A back camera, and a front camera fixed to it.
 
     back: perspective Camera. front: Camera of any model, or None. front_from_back: Pose or (4, 4) float64 in metres, from
-    the back camera's frame to the front camera's. Raises ValueError for one of the two without the other, or what is no
-    pose.
+    the back camera's frame to the front camera's. Raises ValueError if only one of front and front_from_back is given, or
+    for what is not a pose.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:
@@ -385,23 +389,24 @@ class Board:
 
     tags: [(id, corners (4, 2))], corners of the black border in metres, x right, y up, origin at the page's centre:
     upper left, upper right, lower right, lower left as the tag is read. border_bits: width of the black border in
-    modules. width, height: of the page in metres. Raises ValueError for no tags, an id twice or outside 0 to 586.
+    modules. width, height: of the page in metres. Raises ValueError for no tags, or an id that occurs twice or is outside 0
+    to 586.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def default() -> Board:
         """
-        A large tag with small ones around it, on A4 landscape: seen near and far, and partly hidden.
+        A large tag with small ones around it, on A4 landscape: it can be seen near, far and partly hidden.
         """
     @staticmethod
     def grid(rows: typing.SupportsInt | typing.SupportsIndex, columns: typing.SupportsInt | typing.SupportsIndex, tag_size: typing.SupportsFloat | typing.SupportsIndex, spacing: typing.SupportsFloat | typing.SupportsIndex, border_bits: typing.SupportsInt | typing.SupportsIndex = 1) -> Board:
         """
-        rows x columns tags of tag_size metres, spacing metres apart; ids from 0 row by row from the top. Raises ValueError for less than one tag or lengths that are not positive.
+        A grid of rows x columns tags of tag_size metres, spacing metres apart; ids from 0, row by row from the top. Raises ValueError for less than one tag or lengths that are not positive.
         """
     @staticmethod
     def kalibr(rows: typing.SupportsInt | typing.SupportsIndex, columns: typing.SupportsInt | typing.SupportsIndex, tag_size: typing.SupportsFloat | typing.SupportsIndex, spacing_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.3) -> Board:
         """
-        Kalibr's AprilGrid: two-module borders, ids from 0 row by row from the bottom; spacing_ratio = space between tags / tag_size (metres). Raises ValueError for less than one tag or lengths that are not positive.
+        Kalibr's AprilGrid: two-module borders, ids from 0, row by row from the bottom; spacing_ratio = space between tags / tag_size (metres). Raises ValueError for less than one tag or lengths that are not positive.
         """
     def __copy__(self) -> Board:
         ...
@@ -419,7 +424,7 @@ class Board:
         ...
     def image(self, dpi: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> typing.Any:
         """
-        The page as (height, width) uint8 grey values, white 255; edges carry exact coverage. Pixel (0, 0) is the page's upper left corner. Raises ValueError for dpi outside 10 to 2400.
+        The page as (height, width) uint8 grey values, white 255; pixels at edges have the exact coverage. Pixel (0, 0) is the page's upper left corner. Raises ValueError for dpi outside 10 to 2400.
         """
     def save(self, path: typing.Any, dpi: typing.SupportsFloat | typing.SupportsIndex = 300.0) -> None:
         """
@@ -451,8 +456,8 @@ class Mesh:
     Triangle mesh.
 
     vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
-    or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to work them out.
-    colors: (v, 3) linear, 0 to 1, or None; Material.diffuse or pbr's base colour is multiplied by them. Raises ValueError
+    or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to compute them. colors:
+    (v, 3) linear, 0 to 1, or None; they multiply Material.diffuse or the base colour of a pbr material. Raises ValueError
     for wrong shapes, indices or colours out of range, or values that are not finite.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
@@ -477,12 +482,12 @@ class Mesh:
     @property
     def normals(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (v, 3) float32 unit vertex normals: those given, else weighted by angle.
+        (v, 3) float32 unit vertex normals: those given, else computed with weights by angle.
         """
     @property
     def tangents(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x tangent on which v does; around the z axis where there are no uvs.
+        (v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x tangent on which v grows; without uvs, directions around the z axis.
         """
     @property
     def triangles(self) -> numpy.typing.NDArray[numpy.int32]:
@@ -503,8 +508,8 @@ class Bvh:
     """
     Ray queries on a mesh. Triangles are two-sided.
 
-    mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t counts
-    in lengths of the direction. Raises ValueError for other shapes, TypeError for integers.
+    mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t is in
+    units of the direction's length. Raises ValueError for other shapes, TypeError for integers.
     """
     def __init__(self, mesh: Mesh) -> None:
         ...
@@ -514,9 +519,9 @@ class Bvh:
         """
     def occluded(self, origins: typing.Any, directions: typing.Any, t_min: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> numpy.typing.NDArray[numpy.bool_]:
         """
-        Whether the rays (..., 3) meet the mesh beyond t_min; (...) bool.
+        Whether the rays (..., 3) hit the mesh beyond t_min; (...) bool.
 
-        origins may be one point (3,) for all directions, which is several times faster.
+        origins may be a single point (3,) for all directions, which is several times faster.
         """
 class Environment:
     """
@@ -525,7 +530,7 @@ class Environment:
     @staticmethod
     def _repr_png_(thing: typing.Any) -> bytes:
         """
-        `picture` as a PNG file. Raises what it raises.
+        The result of `picture` as a PNG file. Raises what `picture` raises.
         """
     def __getstate__(self) -> tuple:
         ...
@@ -533,11 +538,12 @@ class Environment:
         """
         A map that is known everywhere.
 
-        centre: (3,) metres, marker frame: where it is seen from, (0, 0, 0) by default. lights: (m, 4) x y z radius, metres, of
-        lights of the map that are near, as spheres: what they give then changes from place to place. Those that are not
-        finite, or around the centre, are taken as distant. box: walls, floor and ceiling of the room that the map shows, two
-        corners (2, 3), metres: glossy surfaces see them where they are. Raises ValueError for other shapes, a centre that is
-        not finite, or a box that does not hold it.
+        centre: (3,) metres, marker frame: the place from which the map is seen, (0, 0, 0) by default.
+        lights: (m, 4) x y z radius, metres: those lights of the map that are near, as spheres; their light then changes from
+        place to place. Spheres that are not finite, or that contain the centre, are taken as distant.
+        box: walls, floor and ceiling of the room that the map shows, two corners (2, 3), metres; glossy surfaces then reflect
+        them where they are.
+        Raises ValueError for other shapes, a centre that is not finite, or a box that does not contain the centre.
         """
     def __repr__(self) -> str:
         ...
@@ -546,12 +552,12 @@ class Environment:
     @property
     def age(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (6, n, n) float32 seconds since last seen; infinite if never.
+        Seconds since each texel was last seen, (6, n, n) float32; infinite if never.
         """
     @property
     def centre(self) -> tuple:
         """
-        Metres, marker frame: where the radiance is seen from.
+        The place from which the radiance is seen, metres, marker frame.
         """
     @property
     def clipped(self) -> float:
@@ -561,7 +567,7 @@ class Environment:
     @property
     def confidence(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (6, n, n) float32 in [0, 1]; 0 where never seen.
+        (6, n, n) float32 in [0, 1]; 0 where a texel was never seen.
         """
     @property
     def coverage(self) -> float:
@@ -571,7 +577,7 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares: unseen_sky of the sky never seen, unseen_flux of the light in what was never seen, of which prior_flux is taken from a map from before, bound_flux of the light known as a lower bound only, boosted_flux of it that clipped and was put back (see Capture's most_boost), parallax put wrong because things are near, as far as their lights tell, parallax_doubt that may be put wrong as well: of how near things are little was seen, scale by which all of it may be wrong where a camera never told an exposure, as the board's white says.
+        What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the light, unseen_flux is in what was never seen, and prior_flux is the part of that taken from an earlier map. Of the light above the horizon, bound_flux is known as a lower bound only; boosted_flux clipped and was put back (see Capture's most_boost). Of the irradiance, parallax is put in the wrong place because things are near, as far as their lights tell; parallax_doubt may be put wrong as well, since little was seen of how near things are. scale is the share by which all of it may be wrong where a camera never told an exposure, as the board's white says.
         """
     @property
     def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -581,7 +587,7 @@ class Environment:
     @property
     def plane_irradiance(self) -> typing.Any:
         """
-        (r, g, b) of what falls on the plane, as the board's white shows it; None where it was not seen.
+        Irradiance (r, g, b) on the plane, as the board's white shows it; None where the white was not seen.
         """
     @property
     def predicted_error(self) -> float:
@@ -591,7 +597,7 @@ class Environment:
     @property
     def predicted_interval(self) -> tuple[float, float]:
         """
-        (low, high): holds that error nine times in ten.
+        (low, high): an interval that holds that error nine times in ten.
         """
     @property
     def radiance(self) -> CubeMap:
@@ -611,32 +617,32 @@ class MainLight:
     @property
     def angular_radius(self) -> float:
         """
-        Radians, of a disc as large.
+        Angular radius of a disc of the same size, radians.
         """
     @property
     def covariance(self) -> typing.Annotated[list[typing.Annotated[list[float], "FixedSize(3)"]], "FixedSize(3)"] | None:
         """
-        (3, 3) of `position`, square metres; None without it.
+        Covariance (3, 3) of `position`, square metres; None if there is no position.
         """
     @property
     def direction(self) -> tuple:
         """
-        Towards the middle of its light, unit length, marker frame.
+        Direction towards the middle of its light, unit length, marker frame.
         """
     @property
     def irradiance(self) -> tuple:
         """
-        RGB, on a plane that faces it, by it alone.
+        Irradiance on a plane that faces the light, from this light alone, RGB.
         """
     @property
     def position(self) -> typing.Annotated[list[float], "FixedSize(3)"] | None:
         """
-        Metres, marker frame, where it was triangulated; None where it is far, or was not seen from several places.
+        Triangulated position in metres, marker frame; None where the light is far, or was not seen from several places.
         """
     @property
     def share(self) -> float:
         """
-        Of the irradiance of that plane, mean over RGB; 0 to 1.
+        Its share of the irradiance of that plane, mean over RGB; 0 to 1.
         """
     @property
     def solid_angle(self) -> float:
@@ -654,16 +660,18 @@ class Material:
     @staticmethod
     def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0, wrap: typing.Any = 'repeat') -> Material:
         """
-        glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is no metal), compensated for
-        scattering more than once, over a diffuse base.
+        glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is not metal), compensated for
+        multiple scattering, over a diffuse base.
 
         base_color, emission: three linear numbers, or a texture (height, width, 3): uint8 is sRGB, floats are linear.
-        metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 by 255, floats as they are. normal: a
-        texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along growing v,
-        its x and y times normal_scale; or None. anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along
-        the tangent, where u grows, turned by anisotropy_rotation (radians) towards where v grows. Without uvs the tangent
-        runs around the mesh's z axis, and textures are refused by Scene. Textures are filtered trilinearly; wrap: what
-        is beyond them, "repeat", "clamp" (their border) or "mirror", or two of these, along u and v.
+        metallic, roughness: a number in [0, 1], or a texture (height, width): uint8 divided by 255, floats as they are.
+        normal: a texture (height, width, 3) of vectors in tangent space, encoded 0 to 1 (floats) or 0 to 255 (uint8), y along
+        growing v; x and y are multiplied by normal_scale; or None.
+        anisotropy: strength in [0, 1] (KHR_materials_anisotropy): the roughness along the tangent, which points where u grows,
+        turned by anisotropy_rotation (radians) towards where v grows.
+        Without uvs the tangent runs around the mesh's z axis, and Scene refuses textures.
+        Textures are filtered trilinearly; wrap: how they go on beyond their edges, "repeat", "clamp" (their border) or
+        "mirror", or two of these, along u and v.
         Raises ValueError for values out of range or another shape, TypeError for another dtype.
         """
     def __eq__(self, arg0: object) -> bool:
@@ -679,22 +687,22 @@ class Material:
     @property
     def anisotropy(self) -> typing.Any:
         """
-        0 (round lobe) to 1, as KHR_materials_anisotropy; None of Eq. 3.
+        0 (round lobe) to 1, as in KHR_materials_anisotropy; None for Eq. 3.
         """
     @property
     def anisotropy_rotation(self) -> typing.Any:
         """
-        Radians from the tangent, counter-clockwise; None of Eq. 3.
+        Radians from the tangent, counter-clockwise; None for Eq. 3.
         """
     @property
     def base_color(self) -> typing.Any:
         """
-        Three linear numbers or a linear texture; None of Eq. 3.
+        Three linear numbers or a linear texture; None for Eq. 3.
         """
     @property
     def diffuse(self) -> typing.Any:
         """
-        k_L; None of a pbr material.
+        k_L; None for a pbr material.
         """
     @property
     def emission(self) -> typing.Any:
@@ -704,12 +712,12 @@ class Material:
     @property
     def exponent(self) -> typing.Any:
         """
-        s; None of a pbr material.
+        s; None for a pbr material.
         """
     @property
     def glossy(self) -> typing.Any:
         """
-        k_G; None of a pbr material.
+        k_G; None for a pbr material.
         """
     @property
     def metallic(self) -> typing.Any:
@@ -729,7 +737,7 @@ class Material:
     @property
     def normal_scale(self) -> typing.Any:
         """
-        Factor on the normal map's x and y; None of Eq. 3.
+        Factor on the normal map's x and y; None for Eq. 3.
         """
     @property
     def roughness(self) -> typing.Any:
@@ -739,7 +747,7 @@ class Material:
     @property
     def wrap(self) -> typing.Any:
         """
-        What is beyond its textures along u and v; None of Eq. 3.
+        How textures go on beyond their edges along u and v; None for Eq. 3.
         """
 class Light:
     """
@@ -762,7 +770,7 @@ class Light:
     @property
     def direction(self) -> tuple:
         """
-        Towards it, unit length, marker frame.
+        Direction towards the light, unit length, marker frame.
         """
     @property
     def flux(self) -> tuple:
@@ -772,12 +780,12 @@ class Light:
     @property
     def irradiance(self) -> tuple:
         """
-        RGB, on a surface that faces it.
+        Irradiance on a surface that faces the light, RGB.
         """
     @property
     def position(self) -> typing.Any:
         """
-        Metres, marker frame, of a light that is near; None of one that is, or may be, distant.
+        Position of a near light in metres, marker frame; None for a light that is, or may be, distant.
         """
 class _Lighting:
     @typing.overload
@@ -791,15 +799,17 @@ class _Lighting:
         Radiance that a GGX surface with Fresnel term 1 reflects towards `views`.
 
         normals, views, tangents: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
-        tangents: the direction of alpha_x, made perpendicular to the normals; where it is 0 or along the normal, any.
-        roughness, anisotropy: in [0, 1], broadcast to (...), glTF's mapping (KHR_materials_anisotropy): alpha_y =
-        roughness^2, alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02. alpha: (..., 2), alpha_x and alpha_y
-        themselves, in place of the two. normalization: "energy" (the lobe's average: scattering more than once is compensated, a
-        constant map of radiance 1 gives 1) or "single" (times the directional albedo of single scattering). method: "taps"
-        (parts of the lobe along its longest axis), "gradient" (the paper's suggestion, texture gradients) or "sampled" (filtered
-        importance sampling of the map's MIP levels, which tends to the truth). taps: look-ups, 1 to 16, 8 by default; of
-        "sampled" 1 to 65536, 64 by default. Returns (..., 3) float32. Raises ValueError for another shape, a value out of range or another name,
-        TypeError for integers.
+        tangents: the direction of alpha_x, made perpendicular to the normals; where it is 0 or along the normal, any direction.
+        roughness, anisotropy: in [0, 1], broadcast to (...), glTF's mapping (KHR_materials_anisotropy): alpha_y = roughness^2,
+        alpha_x = alpha_y + (1 - alpha_y) anisotropy^2, both at least 0.02.
+        alpha: (..., 2), alpha_x and alpha_y themselves, instead of roughness and anisotropy.
+        normalization: "energy" (the lobe's average: multiple scattering is compensated, so that a constant map of radiance 1
+        gives 1) or "single" (this times the directional albedo of single scattering).
+        method: "taps" (parts of the lobe along its longest axis), "gradient" (the paper's suggestion, texture gradients) or
+        "sampled" (filtered importance sampling of the map's MIP levels, which tends to the truth).
+        taps: number of look-ups, 1 to 16, 8 by default; for "sampled" 1 to 65536, 64 by default.
+        Returns (..., 3) float32.
+        Raises ValueError for another shape, a value out of range or another name, TypeError for integers.
         """
     def glossy(self, normals: typing.Any, views: typing.Any, exponent: typing.Any = 64.0, normalization: str = 'energy') -> numpy.typing.NDArray[numpy.float32]:
         """
@@ -814,17 +824,17 @@ class _Lighting:
         """
         Irradiance on surfaces facing `normals`.
 
-        normals: (..., 3) any float dtype, marker frame; normalised inside. Returns (..., 3) float32, never negative; pi
-        for a constant map of radiance 1 (six-face: 0.966 to 0.978 of it). Raises ValueError for another shape, TypeError
-        for integers or objects.
+        normals: (..., 3) any float dtype, marker frame; normalised inside. Returns (..., 3) float32, never negative; pi for a
+        constant map of radiance 1 (six-face: 0.966 to 0.978 of pi). Raises ValueError for another shape, TypeError for integers
+        or objects.
         """
     def irradiance_cube(self, size: typing.SupportsInt | typing.SupportsIndex = 16, source: typing.SupportsInt | typing.SupportsIndex = 32) -> CubeMap:
         """
-        CubeMap whose texels are the irradiance on surfaces that face them: pi for a constant map of radiance 1.
+        CubeMap whose texels hold the irradiance on surfaces facing them: pi for a constant map of radiance 1.
 
-        size: texels along a face. source: texels along a face of the MIP level that the cosine is summed over, at most;
-        nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises ValueError for
-        sizes outside 1 to 256.
+        size: texels along a face. source: at most this many texels along a face of the MIP level over which the cosine is
+        summed; nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises
+        ValueError for sizes outside 1 to 256.
         """
     @property
     def _diffuse(self) -> str:
@@ -849,7 +859,7 @@ class _Lighting:
     @property
     def lights(self) -> list[Light]:
         """
-        The dominant lights of the map, at most 8: list of Light. Glossy methods with lights shade them by themselves; what is left of the map and the lights hold every photon once.
+        The dominant lights of the map, at most 8: list of Light. Glossy methods with lights shade them separately; the rest of the map and the lights together hold every photon once.
         """
     @property
     def plane_irradiance(self) -> tuple:
@@ -864,34 +874,34 @@ class _Lighting:
         """
 class Taken:
     """
-    How a picture was taken into the map.
+    How a picture was used for the map.
     """
     def __repr__(self) -> str:
         ...
     @property
     def deviation(self) -> float:
         """
-        Standard deviation of ln(exposure) where it rests on the map.
+        Standard deviation of ln(exposure) where the exposure rests on the map.
         """
     @property
     def exposure(self) -> float:
         """
-        Multiplier that was used.
+        The multiplier that was used.
         """
     @property
     def flicker(self) -> float:
         """
-        Relative standard deviation of the light between pictures of this exposure, where it was averaged; else 0.
+        Relative standard deviation of the light between pictures of this exposure, where the picture was averaged; else 0.
         """
     @property
     def how(self) -> str:
         """
-        "told": with the exposure that came with it. "corrected": that contradicts the map all over
-        the picture, and what the map says was used. "estimated": none came, and the map told it. "averaged":
-        pictures of this exposure differ up and down all over, as lamps on the mains make short ones: the picture was taken as
-        bright as the map, which moves towards their mean. "assumed": none came with the
-        camera's first picture, of which the map knows nothing, and 1 was used. "left out": it shows nothing of what it should,
-        or no exposure came and the map cannot tell it.
+        Which exposure was used. "told": the one that came with the picture. "corrected": that one contradicts the
+        map all over the picture, and the map's was used. "estimated": none came, and the map told it. "averaged": whole
+        pictures of this exposure vary up and down, as short ones do under lamps on the mains: the picture was taken to be as
+        bright as the map, which moves towards their mean. "assumed": none came with the camera's first picture, of which the
+        map knows nothing, and 1 was used. "left out": the picture shows nothing of what it should, or no exposure came and the
+        map cannot tell it.
         """
     @property
     def probes(self) -> int:
@@ -901,27 +911,32 @@ class Taken:
     @property
     def tint(self) -> typing.Annotated[list[float], "FixedSize(3)"]:
         """
-        By channel, a factor on it; as given, but where it was corrected.
+        Factor on the exposure, per channel: as given, unless it was corrected.
         """
 class Capture:
     """
     Measures the light of a place from camera pictures with known poses.
 
-    size: face edge of the map in texels. board: its page is masked out of the plane. centre: where the object stands
-    (metres, marker frame, z > 0), from which the plane is seen. plane_albedo: of the plane where no camera saw it.
-    paper_albedo: of the board's white, which is a light meter: unseen parts of the sky are made so bright that the map
-    lights the plane as it is lit.
-    distance: metres to what is seen above the horizon; infinite (the default) takes all light as distant. box: instead of
-    it the room's walls, floor and ceiling: two corners (2, 3), metres, marker frame, around the centre (Lagarde and
-    Zanuttini 2012). locate_lights: whether lights that several pictures show are triangulated and put where the object
-    sees them, whatever `distance` and `box` say. prior: CubeMap of the place from before; its sky stands for what no
-    picture has seen, as bright by channel as what was seen of it says, at confidence 0 (see Environment.knowledge).
-    doubt_exposures: whether a picture of a perspective camera that is
-    brighter or darker than the map by one factor all over is taken for wrongly exposed, until it stays so for 0.2 s.
-    most_boost: for cameras that cannot bracket. Largest factor, by channel, by which what clipped above the horizon in
-    every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default) leaves it a
-    lower bound. One factor for all that clips in all channels: one reading cannot tell lights apart. Without a board, or
-    where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says how much of the light it is.
+    size: face edge of the map in texels.
+    board: its page is masked out of the plane.
+    centre: where the object stands (metres, marker frame, z > 0), from which the plane is seen.
+    plane_albedo: albedo of the plane where no camera saw it.
+    paper_albedo: albedo of the board's white, which is a light meter: unseen parts of the sky are made so bright that the
+    map lights the plane as it is really lit.
+    distance: metres to what is seen above the horizon; infinite (the default) treats all light as distant.
+    box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
+    centre (Lagarde and Zanuttini 2012).
+    locate_lights: whether lights that several pictures show are triangulated and put where the object sees them, whatever
+    `distance` and `box` say.
+    prior: CubeMap of the place from an earlier time; its sky stands in for what no picture has seen, scaled per channel to
+    agree with what was seen, at confidence 0 (see Environment.knowledge).
+    doubt_exposures: whether a picture of a perspective camera that is brighter or darker than the map by one factor
+    everywhere is taken to be wrongly exposed, until this has lasted for 0.2 s.
+    most_boost: for cameras that cannot bracket, the largest factor per channel by which light that clipped above the
+    horizon in every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default)
+    leaves it a lower bound. Everything that clips in all channels gets the same factor, since one reading cannot tell
+    lights apart. Without a board, or where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says
+    how much of the light was boosted.
     Raises ValueError for values out of range.
     """
     def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex = ..., box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap | None = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85, most_boost: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> None:
@@ -930,17 +945,22 @@ class Capture:
         ...
     def add(self, image: typing.Any, camera: Camera, camera_from_marker: typing.Any, exposure: typing.SupportsFloat | typing.SupportsIndex | None = 1.0, time: typing.SupportsFloat | typing.SupportsIndex = 0.0, mask: typing.Any = None, last_row: typing.Any = None, tint: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], plane: bool = True, number: typing.SupportsInt | typing.SupportsIndex = 0) -> Taken:
         """
-        Update the texels that a picture sees.
+        Updates the texels that a picture shows.
 
-        image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size. camera_from_marker: Pose
-        or (4, 4). exposure: multiplier; None where it is not known: the map tells it by what it knows of the places in the
-        picture, see Taken. time: seconds, not decreasing. mask: (h, w) bool or uint8, 0 where the picture shows
-        what is not part of the place. last_row: where a rolling shutter reads the picture, camera_from_marker when its last
-        row was taken; camera_from_marker is then that of the first row. Of a fisheye or 360 degree picture
-        all rows count as taken half-way (10 degrees in a readout: 5 to 6 % of the texels' light). tint: by channel, a known
-        factor on the exposure, see fastibl.white. plane: False where the place of the camera is a guess: what was seen of the
-        plane otherwise stays. number: tells cameras apart whose parameters are the same. Returns Taken. Raises ValueError or
-        TypeError, naming what was expected and what came.
+        image: (h, w, 3) uint8 or uint16 (encoded RGB) or float (linear RGB), of the camera's size.
+        camera_from_marker: Pose or (4, 4).
+        exposure: multiplier; None where it is not known: it is then estimated from what the map knows of the places in the
+        picture, see Taken.
+        time: seconds, not decreasing.
+        mask: (h, w) bool or uint8, 0 where the picture shows what is not part of the place.
+        last_row: for a rolling shutter, camera_from_marker when the picture's last row was taken; the argument
+        camera_from_marker is then that of the first row. In a fisheye or 360 degree picture all rows count as taken half-way
+        (10 degrees in a readout: 5 to 6 % of the texels' light).
+        tint: known factor on the exposure per channel, see fastibl.white.
+        plane: False where the place of the camera is a guess: what was otherwise seen of the plane is then kept.
+        number: tells apart cameras whose parameters are the same.
+        Returns Taken.
+        Raises ValueError or TypeError, naming what was expected and what came.
         """
     def environment(self) -> Environment:
         """
@@ -948,40 +968,41 @@ class Capture:
         """
     def next_exposure(self, camera: Camera, camera_from_marker: typing.Any, shortest: typing.SupportsFloat | typing.SupportsIndex, longest: typing.SupportsFloat | typing.SupportsIndex) -> float:
         """
-        The exposure with which a camera there tells most of what the map lacks.
+        The exposure with which a camera at this pose tells most of what the map lacks.
 
-        Shorter ones where texels were never seen without clipping, longer ones where they are dark and noisy; from `longest`
-        down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises ValueError
-        for another camera or a range that is none.
+        It is shorter where texels were never seen without clipping, longer where they are dark and noisy; candidates go from
+        `longest` down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises
+        ValueError for another camera or an invalid range.
         """
     def turn(self, new_from_old: Pose) -> None:
         """
-        The marker was turned: what is above the horizon turns with the rotation of this Pose, and lights are to be located anew; the plane is forgotten.
+        Tells the capture that the marker was turned: what is above the horizon turns with the rotation of this Pose, lights have to be located anew, and the plane is forgotten.
         """
     @property
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        (6, n, n) float64: time at which each texel was last seen; -inf if never.
+        Time at which each texel was last seen: (6, n, n) float64; -inf if never.
         """
     @property
     def mended(self) -> int:
         """
         How often the scale of a camera that tells no exposure was found wrong.
 
-        All that it had shown was then made brighter or darker, so that the sky lights the board as its white says.
+        Everything that it had shown was then made brighter or darker, so that the sky lights the board as the board's white
+        says.
         """
 class ShadowMap:
     """
     Ratio of the light on the marker plane with and without the object.
 
-    A fine map around the object and, by most methods, a coarse one around that; both have the same centre, and the fine
-    one passes into the coarse one at its border. Beyond both the ratio is 1.
+    It has a fine map around the object and, with most methods, a coarse one around that; both have the same centre, and the
+    fine map blends into the coarse one at its border. Beyond both the ratio is 1.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
     def _repr_png_(thing: typing.Any) -> bytes:
         """
-        `picture` as a PNG file. Raises what it raises.
+        The result of `picture` as a PNG file. Raises what `picture` raises.
         """
     def __eq__(self, arg0: object) -> bool:
         ...
@@ -995,7 +1016,7 @@ class ShadowMap:
         """
         Ratio (..., 3) float32 at plane points (..., 2) in metres, bilinear; 1 outside.
 
-        out: C-contiguous float32 array for the result, which is returned; a new one is made without. Raises ValueError for
+        out: C-contiguous float32 array for the result, which is returned; without it a new array is made. Raises ValueError for
         another shape, TypeError for another kind of array.
         """
     @property
@@ -1011,7 +1032,7 @@ class ShadowMap:
     @property
     def fine(self) -> typing.Any:
         """
-        The map of a compact light's shadow (k, k, 3) float32, with all light; None where there is none.
+        A finer map where a compact light casts its shadow, (k, k, 3) float32, with all light; None where there is none.
         """
     @property
     def fine_centre(self) -> tuple[float, float]:
@@ -1031,7 +1052,7 @@ class ShadowMap:
     @property
     def image(self) -> typing.Any:
         """
-        (n, n, 3) float32 in [0, 1], a read-only view; row 0 is y min, column 0 is x min.
+        (n, n, 3) float32, a read-only view; row 0 is y min, column 0 is x min. In [0, 1]; a plane gain may exceed 1.
         """
     @property
     def no_light(self) -> bool:
@@ -1051,22 +1072,21 @@ class ShadowMap:
     @property
     def reach(self) -> float:
         """
-        Half the edge in metres of all; outside the ratio is 1.
+        Half the edge of all maps together in metres; outside, the ratio is 1.
         """
 class DirectionShadow:
     """
-    Casts the shadows of one object, frame by frame, by method "directions".
+    Casts the shadows of one object, frame by frame, with the method "directions".
 
-    The directions stay where they are while the light changes, so that nothing flickers, and are chosen anew and faded in
-    over 32 maps when the light has moved; what a pose hides is kept as long as it does not change; when nothing changed, the
-    last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to
-    4096.
+    The directions stay where they are while the light changes, so that nothing flickers; when the light has moved, they are
+    chosen anew and faded in over 32 maps. What a pose hides is kept as long as the pose does not change; when nothing
+    changed, the last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to 4096.
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
     def cast(self, cube: typing.Any, spheres: typing.Any, resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, outer: bool = True) -> ShadowMap:
         """
-        ShadowMap of spheres (m, 4) under a CubeMap, or an Environment, whose near lights cast it from where they are; see cast_shadow.
+        ShadowMap of spheres (m, 4) under a CubeMap or an Environment; near lights of an Environment cast the shadow from where they are. See cast_shadow.
         """
     @property
     def light(self) -> tuple:
@@ -1075,14 +1095,14 @@ class DirectionShadow:
         """
 class MeshShadowLight:
     """
-    What lasts from one light to the next: directions of dominant lights, and their shadows.
+    What is kept from one light to the next: directions of dominant lights, and their shadows.
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256, tolerance: typing.SupportsFloat | typing.SupportsIndex = 0.0002500000118743628, fine: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
         ...
     @property
     def directions(self) -> int:
         """
-        Number of directions of the last light.
+        Number of directions for the last light.
         """
     @property
     def splits(self) -> int:
@@ -1091,21 +1111,22 @@ class MeshShadowLight:
         """
 class BakedShadow:
     """
-    What a rigid object hides of the sky, see fastibl.MeshShadow.
+    How a rigid object hides the sky, see fastibl.MeshShadow.
     """
     @staticmethod
     def bake(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, progress: collections.abc.Callable[[float], bool] | None = None) -> typing.Any:
         """
-        None if `progress`, called with the part that is done, returned False.
+        Returns None if `progress`, called with the part of the work that is done, returned False.
         """
     @staticmethod
     def from_tables(mesh: Mesh, resolution: typing.SupportsInt | typing.SupportsIndex, extent: typing.SupportsFloat | typing.SupportsIndex, rings: typing.SupportsInt | typing.SupportsIndex, samples: typing.SupportsInt | typing.SupportsIndex, tables: list) -> BakedShadow:
         """
-        From what `tables` of an earlier bake of the same mesh was. Raises ValueError for what cannot be.
+        Makes it from the `tables` of an earlier bake of the same mesh. Raises ValueError for tables that cannot be
+        such.
         """
     def cast(self, cube: CubeMap, marker_from_object: typing.Any, light: MeshShadowLight, environment: Environment | None = None) -> ShadowMap:
         """
-        ShadowMap of the object under this light; environment: of the map, for its near lights.
+        ShadowMap of the object under this light; environment: the Environment of the map, for its near lights.
         """
     def fits(self, marker_from_object: typing.Any) -> bool:
         """
@@ -1130,10 +1151,14 @@ class Scene:
     """
     An object ready to be rendered.
 
-    mesh: Mesh in its own frame, metres (see stand). material: Material. marker_from_object: Pose or (4, 4); the marker
-    frame by default. spheres: number of shadow proxies at most, 0 for no shadow. visibility_rays: for P_V, 0
-    for no self-shadow at all. refine: split triangles where what the object hides of itself changes within them; the surface
-    stays the same, the paper's P_V too. Raises ValueError for negative numbers or what is no pose.
+    mesh: Mesh in its own frame, metres (see stand).
+    material: Material.
+    marker_from_object: Pose or (4, 4); the marker frame by default.
+    spheres: largest number of shadow proxies, 0 for no shadow.
+    visibility_rays: number of rays for P_V, 0 for no self-shadow at all.
+    refine: whether to split triangles in which the object's self-shadow changes; the surface stays the same, and so does
+    the paper's P_V.
+    Raises ValueError for negative numbers or what is not a pose.
     """
     def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
         ...
@@ -1144,10 +1169,10 @@ class Scene:
     @property
     def baked_shadow(self) -> BakedShadow:
         """
-        What the mesh hides of the sky, for the shadow method "mesh": None, or set a MeshShadow of `mesh`.
+        How the mesh hides the sky, for the shadow method "mesh": None, or a MeshShadow of `mesh` that you set.
 
         Without it that method raises ValueError. Where an object that has one is tilted or lifted off the plane, its triangles
-        are drawn for each direction of light instead, as by "directions" its spheres are.
+        are drawn for each direction of light instead, as the method "directions" draws its spheres.
         """
     @baked_shadow.setter
     def baked_shadow(self, arg1: typing.Any) -> None:
@@ -1157,9 +1182,9 @@ class Scene:
         """
         Real objects as meshes, marker frame: tuple of Mesh, empty by default; set from any sequence of them.
 
-        Where one is nearer than the virtual object, the back picture stays; there it is multiplied by what the virtual object
-        leaves of the light on that surface. A mesh that is not closed is taken to face the object. Set it before a Session is
-        made. They keep no light from the virtual object, nor its shadow from the plane behind them.
+        Where a real object is nearer than the virtual one, the back picture is kept, multiplied by the share of that surface's
+        light that the virtual object leaves. A mesh that is not closed is assumed to face the object. Set it before a Session
+        is made. Real objects do not shade the virtual object, nor keep its shadow from the plane behind them.
         """
     @holdouts.setter
     def holdouts(self, arg1: collections.abc.Sequence[Mesh]) -> None:
@@ -1177,17 +1202,17 @@ class Scene:
     @property
     def mesh(self) -> Mesh:
         """
-        As it was given, counter-clockwise seen from outside. A mesh without normals that has edges sharper than 60 degrees gets normals, and copies of vertices at its end, so that such edges are drawn sharp.
+        The mesh as it was given, counter-clockwise seen from outside. A mesh without normals that has edges sharper than 60 degrees gets normals, and copies of vertices after its own, so that such edges are drawn sharp.
         """
     @property
     def refined_mesh(self) -> Mesh:
         """
-        The same surface with vertices where what the object hides of itself changes: what is shaded. mesh where nothing had to be split.
+        The surface that is shaded: that of `mesh`, with more vertices where the object's self-shadow changes; equal to `mesh` where nothing had to be split.
         """
     @property
     def shadow_color(self) -> tuple:
         """
-        Linear RGB in [0, 1]: what is left of the plane's light where nothing lights it; black by default.
+        Linear RGB in [0, 1]: the part of the plane's light that is left where nothing lights it; black by default.
         """
     @shadow_color.setter
     def shadow_color(self, arg1: typing.Any) -> None:
@@ -1212,26 +1237,26 @@ class Scene:
         """
 class PlaneExchange:
     """
-    Diffuse light from an object to the marker plane that it stands on, and back: one bounce.
+    Diffuse light from an object to the marker plane on which it stands, and back: one bounce.
 
-    mesh: Mesh standing on z = 0. cells: of the plane along an edge, 1 to 128, over 1.5 times the object's largest extent
-    to each side. Form factors between vertices and cells are worked out once (Goral et al. 1984); then both ways are sums.
-    Raises ValueError for another number of cells.
+    mesh: Mesh standing on z = 0. cells: number of cells of the plane along an edge, 1 to 128; they cover 1.5 times the
+    object's largest extent to each side. Form factors between vertices and cells are computed once (Goral et al. 1984); the
+    light in both directions is then a sum. Raises ValueError for another number of cells.
     """
     def __init__(self, mesh: Mesh, *, cells: typing.SupportsInt | typing.SupportsIndex = 32) -> None:
         ...
     def onto_object(self, exitance: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Irradiance of each vertex (v, 3) by cells that send out exitance (cells, cells, 3).
+        Irradiance of each vertex (v, 3) from cells that send out exitance (cells, cells, 3).
 
-        Linear, and so good for changes as well: what a shadow on the plane takes from the object.
-        Raises ValueError for another shape, TypeError for integers.
+        This is linear, so it also works for changes, such as the light that a shadow on the plane takes from the object. Raises
+        ValueError for another shape, TypeError for integers.
         """
     def onto_plane(self, exitance: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Irradiance of the cells (cells, cells, 3), row 0 at least y, float32.
+        Irradiance of the cells (cells, cells, 3), float32; row 0 has the smallest y.
 
-        exitance: (v, 3) light that each vertex sends out: its irradiance times its diffuse reflectance.
+        exitance: (v, 3) light that each vertex sends out, which is its irradiance times its diffuse reflectance.
         Raises ValueError for another number of vertices.
         """
     @property
@@ -1242,48 +1267,47 @@ class PlaneExchange:
     @property
     def centre(self) -> tuple[float, float]:
         """
-        Middle of the cells (x, y), metres, the mesh's frame.
+        Middle of the cells (x, y), metres, in the mesh's frame.
         """
     @property
     def extent(self) -> float:
         """
-        Half the edge of all cells together, metres.
+        Half the edge of the area of all cells, metres.
         """
 class Bounce:
     """
     One bounce of diffuse light between a scene's object and the plane, for other renderers.
 
-    scene: Scene, where it stands. Raises ValueError for one without visibility_rays.
+    scene: Scene with its object in place. Raises ValueError for a scene without visibility_rays.
     """
     def __init__(self, scene: Scene) -> None:
         ...
     def update(self, lighting: _Lighting, shadow: ShadowMap) -> None:
         """
-        Work it out for a Lighting and the ShadowMap of the object under it.
+        Computes the bounce for a Lighting and the object's ShadowMap under it.
         """
     @property
     def plane_gain(self) -> ShadowMap:
         """
-        ShadowMap that the picture of the plane is multiplied by; it may exceed 1.
+        ShadowMap by which the picture of the plane is multiplied; it may exceed 1.
         """
     @property
     def shares(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Of the irradiance by the map that reaches each vertex of the scene's mesh (v, 3): without what the object hides and what its shadow takes from the plane below.
+        Share of the map's irradiance that reaches each vertex of the scene's mesh (v, 3): without what the object hides and what its shadow takes from the plane below.
         """
 class SelfShadow:
     """
-    The light that an object keeps from itself, by vertex.
+    The light that an object keeps from itself, per vertex.
 
-    mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays a vertex).
-    Directions that the mesh blocks are worked out once; the light of a map is then summed over the free ones, whatever
-    its lights. The marker plane is not included: below the horizon the map holds the table. Raises ValueError for
-    another size.
+    mesh: Mesh. size: cells of the sphere along an edge, 16, 32, 64 or 128 (64: 2.8 degrees, about 530 rays per vertex). The
+    directions that the mesh blocks are computed once; the light of any map is then summed over the free directions. The
+    marker plane is not included: below the horizon the map holds the table. Raises ValueError for another size.
     """
     @staticmethod
     def from_spheres(mesh: Mesh, spheres: typing.Any, *, size: typing.SupportsInt | typing.SupportsIndex = 16) -> SelfShadow:
         """
-        The same from spheres (m, 4) in the mesh's frame, for an object that deforms.
+        SelfShadow computed from spheres (m, 4) in the mesh's frame, for an object that deforms.
 
         A sphere that contains a vertex does not hide it; spheres that are not finite or have no radius are ignored.
         Raises ValueError for another shape or size.
@@ -1296,31 +1320,31 @@ class SelfShadow:
         """
         Share of the light in a glossy lobe of this half-vector exponent that reaches each vertex: (v,) float32.
 
-        eye: (3,) where it is seen from, in the mesh's frame. In [0, 1]: the lobe times the map's radiance (mean of its
-        channels), summed over the free directions by that over all; 1 where the lobe meets no light, and where the vertex is
-        seen from behind. Raises ValueError for a negative exponent.
+        eye: (3,) the place from which the object is seen, in the mesh's frame. The share is in [0, 1]: the sum of the lobe
+        times the map's radiance (mean of its channels) over the free directions, divided by the sum over all directions; 1
+        where the lobe meets no light, and where the vertex is seen from behind. Raises ValueError for a negative exponent.
         """
     def irradiance(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments as of `shares`.
+        Irradiance of each vertex with its self-shadow: (v, 3) float32. Arguments are those of `shares`.
         """
     def shares(self, lighting: _Lighting, marker_from_object: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
         """
-        Share of the irradiance that reaches each vertex, by colour channel: (v, 3) float32 in [0, 1].
+        Share of the irradiance that reaches each vertex, per colour channel: (v, 3) float32 in [0, 1].
 
         1 where nothing is blocked, and where there is no light. lighting: Lighting of a map in the marker frame.
-        marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is no pose.
+        marker_from_object: Pose or (4, 4), where the mesh stands. Raises ValueError for what is not a pose.
         """
     def visible(self, directions: typing.Any) -> numpy.typing.NDArray[numpy.bool_]:
         """
-        Whether each vertex sees out along directions (k, 3), mesh frame, to the cell: (v, k) bool.
+        Whether each vertex sees out along directions (k, 3), mesh frame, at the precision of a cell: (v, k) bool.
 
         False below the vertex's tangent plane. Raises ValueError for another shape.
         """
     @property
     def nbytes(self) -> int:
         """
-        Memory of the directions.
+        Memory of the directions, bytes.
         """
     @property
     def size(self) -> int:
@@ -1329,7 +1353,7 @@ class SelfShadow:
         """
 class DetectedTag:
     """
-    A tag found in a picture: id, and corners (4, 2) in pixels with centres at + 0.5, in the order of Tag.corners.
+    A tag found in a picture: id, and corners (4, 2) in pixels whose centres are at + 0.5, in the order of Tag.corners.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:
@@ -1354,7 +1378,7 @@ class DetectedTag:
         """
 class Tracked:
     """
-    Where the board is seen by a camera in one picture.
+    Where a camera sees the board in one picture.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:
@@ -1368,7 +1392,7 @@ class Tracked:
     @property
     def ambiguity(self) -> float:
         """
-        Cost of this pose by that of the mirrored one, 0 to 1; 0 where there is no second minimum.
+        Cost of this pose divided by the cost of the mirrored one, 0 to 1; 0 where there is no second minimum.
         """
     @property
     def ambiguous(self) -> bool:
@@ -1378,43 +1402,43 @@ class Tracked:
     @property
     def camera_from_marker(self) -> Pose:
         """
-        Pose at the picture's time; of a rolling shutter that of the first row, in the middle of whose exposure that time is.
+        Pose at the picture's time; for a rolling shutter, the pose of the first row, and the time is the middle of that row's exposure.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        (6, 6) float64 of (w, d) where the true pose is {exp([w]x) R, t + d}: rotation first, in
-        rad^2, rad m and m^2, camera frame. It describes the minimum chosen alone: see `ambiguous`.
+        (6, 6) float64 of (w, d), where the true pose is {exp([w]x) R, t + d}: rotation first, in rad^2, rad m and
+        m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous`.
         """
     @property
     def edges(self) -> int:
         """
-        Stretches of edge that the pose rests on; 0 where it rests on corners.
+        Number of stretches of edge on which the pose rests; 0 where it rests on corners.
         """
     @property
     def last_row(self) -> Pose | None:
         """
-        Pose when the last row was taken, `camera.readout` later, as Capture.add takes it; None for a global shutter.
+        Pose when the last row was taken, `camera.readout` later, for Capture.add; None for a global shutter.
         """
     @property
     def misfit_px(self) -> float:
         """
-        With `edges`, standard deviation in x and y of the places of the board's parts about the fitted ones beyond their scatter: 0 where the print is flat and as the board says, and the lens as calibrated. The covariance holds what it does to the pose.
+        With `edges`, standard deviation in x and y of the places of the board's parts about the fitted places, beyond their scatter: 0 where the print is flat and matches the board, and the lens is as calibrated. The covariance includes its effect on the pose.
         """
     @property
     def pixels(self) -> int:
         """
-        Pixels along edges whose light refined that pose; 0 where they contradict the edges or tell nothing.
+        Number of pixels along edges whose light refined that pose; 0 where they contradict the edges or tell nothing.
         """
     @property
     def residual_px(self) -> float:
         """
-        RMS distance in pixels between seen and expected corners of `tags`; with `edges`, the median distance between seen and expected edges.
+        RMS distance in pixels between the seen and expected corners of `tags`; with `edges`, the median distance between seen and expected edges.
         """
     @property
     def tags(self) -> list[DetectedTag]:
         """
-        List of DetectedTag: those used.
+        List of the DetectedTags that were used.
         """
 class _EdgeTracker:
     """
@@ -1439,8 +1463,8 @@ class Turned:
     """
     A pose that rests on the captured map: the board is out of view.
 
-    The rotation is measured; the camera's place is where the board was last seen from. Where nothing is to
-    be seen of the map, it is a gyroscope's alone: features, residual and agreeing are 0.
+    The rotation is measured; the camera's place is the one from which the board was last seen. Where nothing of the map can
+    be seen, the rotation is a gyroscope's alone: features, residual and agreeing are 0.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:
@@ -1454,7 +1478,7 @@ class Turned:
     @property
     def agreeing(self) -> float:
         """
-        Share of what was compared that agrees.
+        Share of the compared texels that agrees.
         """
     @property
     def back_from_marker(self) -> Pose:
@@ -1464,12 +1488,12 @@ class Turned:
     @property
     def back_gain(self) -> float:
         """
-        By which the back picture is brighter than the map says; 1 without one.
+        Factor by which the back picture is brighter than the map says; 1 without a back picture.
         """
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        (3, 3) float64 of w where the true rotation is exp([w]x) R: rad^2, back camera's frame; against the marker, with the drift of the map.
+        Covariance (3, 3) float64 of w, where the true rotation is exp([w]x) R: rad^2, back camera's frame. It is relative to the marker and includes the drift of the map.
         """
     @property
     def drift(self) -> float:
@@ -1484,17 +1508,17 @@ class Turned:
     @property
     def front_gain(self) -> float:
         """
-        That of the front picture.
+        The same factor for the front picture.
         """
     @property
     def position_deviation(self) -> float:
         """
-        Metres; standard deviation of the camera's place, which is kept.
+        Standard deviation of the camera's place, which is kept; metres.
         """
     @property
     def residual(self) -> float:
         """
-        Difference of the pictures from the map by what is expected.
+        Difference of the pictures from the map, divided by the expected difference.
         """
     @property
     def since(self) -> float:
@@ -1504,7 +1528,7 @@ class Turned:
     @property
     def velocity(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        (3,) float64, rad/s, marker frame: t seconds later the rotation is R exp([t velocity]x).
+        (3,) float64, rad/s, marker frame: t seconds later, the rotation is R exp([t velocity]x).
         """
 class _RotationTracker:
     def __init__(self, rig: Rig, options: dict = {}) -> None:
@@ -1581,12 +1605,12 @@ class PlannedPass:
     @property
     def bound(self) -> float | None:
         """
-        Largest relative error that leaving it out makes; None where it is not known.
+        Largest relative error that leaving it out causes; None where it is not known.
         """
     @property
     def error(self) -> float | None:
         """
-        Expected error that its method alone makes, or None where unknown: of the picture where errors were measured, else of the irradiance.
+        Expected error caused by its method alone, or None where unknown: error of the picture where errors were measured, else of the irradiance.
         """
     @property
     def included(self) -> bool:
@@ -1596,7 +1620,7 @@ class PlannedPass:
     @property
     def method(self) -> str:
         """
-        Name of its method and settings; empty where it has none.
+        Name of the pass's method, with its settings; empty where it has none.
         """
     @property
     def milliseconds(self) -> float | None:
@@ -1606,7 +1630,7 @@ class PlannedPass:
     @property
     def name(self) -> str:
         """
-        Of the pass, as in FrameResult.passes.
+        Name of the pass, as in FrameResult.passes.
         """
     @property
     def needs(self) -> set[str]:
@@ -1621,7 +1645,7 @@ class PlannedPass:
     @property
     def reason(self) -> str:
         """
-        Why the pass was left out; empty if it was not.
+        Why the pass was left out; empty if it runs.
         """
     @property
     def writes(self) -> set[str]:
@@ -1630,7 +1654,7 @@ class PlannedPass:
         """
 class Plan:
     """
-    Which passes a frame needs, by which method, and which it does not, and why. print(plan) is the bill.
+    Which passes a frame needs, and by which methods, and which it does not need, and why. print(plan) shows the costs.
     """
     @staticmethod
     def _repr_html_(*args, **kw) -> str:
@@ -1644,12 +1668,12 @@ class Plan:
     @property
     def assured_error(self) -> float:
         """
-        What the picture's error is not expected to exceed.
+        The value that the picture's error is not expected to exceed.
         """
     @property
     def best_error(self) -> float | None:
         """
-        The least expected error that any methods have; None where none was measured.
+        The smallest expected error that any choice of methods has; None where none was measured.
         """
     @property
     def error_budget(self) -> float:
@@ -1659,37 +1683,37 @@ class Plan:
     @property
     def expected_error(self) -> float:
         """
-        Expected error of the picture, all methods together: RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, linear light, by the truth's mean there. Without a budget or samples of the scene that of the irradiance.
+        Expected error of the picture, all methods together: RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, in linear light, relative to the truth's mean there. Without a budget or samples of the scene, the error of the irradiance.
         """
     @property
     def light_error(self) -> float | None:
         """
-        Expected error of a captured map's irradiance, which is no part of the budget: no method makes it less. None where the map is given.
+        Expected error of a captured map's irradiance, which is not part of the budget: no method makes it smaller. None where the map is given.
         """
     @property
     def light_in_turns(self) -> bool:
         """
-        Whether each frame takes one step of the light's work, because all of them do not fit into the time budget: the light is some frames old, which light_error counts.
+        Whether each frame does only one step of the work on the light, because all steps do not fit into the time budget: the light is then some frames old, which light_error takes into account.
         """
     @property
     def meets_budget(self) -> bool:
         """
-        Both of them.
+        Whether both budgets are met.
         """
     @property
     def meets_error(self) -> bool:
         """
-        Whether the assured error is within the budget; True without one, and False until the picture was judged.
+        Whether the assured error is within the budget; True without a budget, and False until the picture was judged.
         """
     @property
     def meets_milliseconds(self) -> bool:
         """
-        Whether the expected time is within the budget; True without one.
+        Whether the expected time is within the budget; True without a budget.
         """
     @property
     def methods(self) -> _Methods:
         """
-        Method of every step, by attributes of the steps' names; for methods= of make_plan and Session, and for pickle.
+        The method of every step, as an attribute named after the step; can be given as methods= to make_plan and Session, and pickled.
         """
     @property
     def milliseconds(self) -> float:
@@ -1704,7 +1728,7 @@ class Plan:
     @property
     def omission_bound(self) -> float | None:
         """
-        Largest relative error that leaving passes out makes, the sum of those of the passes; None where one is not known.
+        Largest relative error that leaving out passes causes, the sum over these passes; None where one of them is not known.
         """
     @property
     def passes(self) -> list[PlannedPass]:
@@ -1724,21 +1748,21 @@ class ObjectLayer:
     @property
     def rgba(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (h, w, 4) float32: linear radiance times coverage, and coverage, from pixel (x, y) on.
+        (h, w, 4) float32: linear radiance times coverage, and coverage, starting at pixel (x, y).
         """
     @property
     def x(self) -> int:
         """
-        Column of the picture that the layer begins at.
+        Column of the picture at which the layer begins.
         """
     @property
     def y(self) -> int:
         """
-        Row of the picture that the layer begins at.
+        Row of the picture at which the layer begins.
         """
 class PictureLayers:
     """
-    What a picture is put together from, for a compositing program.
+    The layers from which a picture is composed, for a compositing program.
 
     Linear light, where 1 is the white of the camera's response: back picture * ratio * (1 - object's alpha) + object is the
     picture, before it is encoded and clipped.
@@ -1755,16 +1779,16 @@ class PictureLayers:
     @property
     def ratio(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (h, w, 3) float32: what the back picture is multiplied by, 1 where nothing changes it; above 1 where the object sends light to the plane.
+        (h, w, 3) float32: factor on the back picture, 1 where nothing changes it, above 1 where the object sends light to the plane.
         """
 class FrameResult:
     """
-    What a Session made of a frame.
+    The result of a Session for one frame.
     """
     @staticmethod
     def _repr_png_(thing: typing.Any) -> bytes:
         """
-        `picture` as a PNG file. Raises what it raises.
+        The result of `picture` as a PNG file. Raises what `picture` raises.
         """
     @property
     def _lighting(self) -> typing.Any:
@@ -1772,32 +1796,32 @@ class FrameResult:
     @property
     def back_from_marker(self) -> Pose | None:
         """
-        Pose, or None where the board is not seen: the image is the back picture. Of a rolling shutter that of the first row; the object is drawn with that of the row that shows its middle.
+        Pose, or None where the board is not seen; the image is then the back picture. For a rolling shutter, it is the pose of the first row; the object is drawn with the pose of the row that shows its middle.
         """
     @property
     def back_last_row(self) -> Pose | None:
         """
-        Pose when the back camera's last row was taken; None for a global shutter, and where nothing is known of the motion.
+        Pose when the back camera's last row was taken; None for a global shutter, and where the motion is not known.
         """
     @property
     def back_taken(self) -> Taken | None:
         """
-        Taken: how the back picture went into the map; None where it did not.
+        Taken: how the back picture was used for the map; None where it was not.
         """
     @property
     def board_moved(self) -> bool:
         """
-        True in the frame in which it is clear that the board was turned by hand: the map was turned to where it lies now.
+        True in the frame in which it became clear that the board was turned by hand; the map was then turned to match the board.
         """
     @property
     def environment(self) -> Environment:
         """
-        Environment that the frame was lit by, or None before there is any.
+        Environment by which the frame was lit, or None before there is any.
         """
     @property
     def front_taken(self) -> Taken | None:
         """
-        The same of the front picture.
+        Taken: how the front picture was used for the map; None where it was not.
         """
     @property
     def image(self) -> numpy.typing.NDArray[numpy.uint8]:
@@ -1817,7 +1841,7 @@ class FrameResult:
     @property
     def plan(self) -> Plan:
         """
-        Plan by which the frame was made.
+        The Plan by which the frame was made.
         """
     @property
     def predicted_error(self) -> float:
@@ -1842,7 +1866,7 @@ class FrameResult:
     @property
     def turned(self) -> Turned | None:
         """
-        Turned, where the board is out of view and the surroundings tell how the cameras turned: the map may be captured with it, but nothing is drawn. Else None.
+        Turned, where the board is out of view and the surroundings tell how the cameras turned; with it the map may be captured, but nothing is drawn. Else None.
         """
 class _Session:
     def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment | None, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap | None, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool) -> None:
@@ -1863,11 +1887,11 @@ class _Session:
         ...
     def move(self, marker_from_object: typing.Any) -> None:
         """
-        Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is no pose.
+        Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is not a pose.
         """
     def set_budgets(self, error: typing.SupportsFloat | typing.SupportsIndex = 0.0, milliseconds: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         """
-        Keep to other budgets from the next frame on, 0 for none. Raises ValueError for values that are negative or not finite.
+        Keep to other budgets from the next frame on; 0 means no budget. Raises ValueError for values that are negative or not finite.
         """
     def set_material(self, material: Material) -> None:
         """
@@ -1875,7 +1899,7 @@ class _Session:
         """
     def set_shadow_look(self, strength: typing.SupportsFloat | typing.SupportsIndex = 1.0, color: typing.Any = (0.0, 0.0, 0.0)) -> None:
         """
-        Draw the shadow so from the next frame on, see Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].
+        Draw the shadow with this strength and colour from the next frame on, see Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].
         """
     @property
     def backend(self) -> str:
@@ -1885,22 +1909,22 @@ class _Session:
     @property
     def capture(self) -> Capture:
         """
-        Capture that the pictures go into.
+        The Capture that receives the pictures.
         """
     @property
     def device(self) -> str:
         """
-        The driver's name of what draws (GL_RENDERER): a graphics card, or "llvmpipe …" where Mesa draws in software; "" on the CPU back end.
+        The driver's name for the device that draws (GL_RENDERER): a graphics card, or "llvmpipe …" where Mesa draws in software; "" on the CPU back end.
         """
     @property
     def holdout(self) -> ObjectLayer:
         """
-        ObjectLayer of the real objects before the virtual one in the last frame: what is left of their light times coverage, and coverage.
+        ObjectLayer of the real objects in front of the virtual one in the last frame: the share of their light that is left times coverage, and coverage.
         """
     @property
     def layers(self) -> PictureLayers:
         """
-        PictureLayers of the last frame: what its picture was put together from, as floats.
+        PictureLayers of the last frame: the layers from which its picture was composed, as floats.
 
         Without a board in view nothing covers the picture, and the ratio is 1.
         """
@@ -1912,20 +1936,20 @@ class _Session:
     @property
     def plan(self) -> Plan:
         """
-        Plan of the next frame, as it stands now: print it for the bill.
+        Plan of the next frame, as it stands now; print it to see the costs.
         """
     @property
     def plane_gain(self) -> ShadowMap:
         """
-        ShadowMap of what the plane's picture was multiplied by in the last frame.
+        ShadowMap by which the plane's picture was multiplied in the last frame.
 
-        Its ratio is the shadow's as strength and colour have it, and the light that the object sends to the plane by what the
-        plane gets without the object: it may exceed 1.
+        Its ratio is the shadow's, changed by shadow strength and colour, plus the light that the object sends to the plane
+        relative to what the plane gets without the object: it may exceed 1.
         """
     @property
     def scene(self) -> Scene:
         """
-        A copy of the Scene that is drawn: what is done to it does not change the session.
+        A copy of the Scene that is drawn: changes to it do not change the session.
         """
     @property
     def shadow_map(self) -> ShadowMap:
@@ -2026,33 +2050,35 @@ def _track_with(detector: typing.Any, grey: typing.Annotated[numpy.typing.ArrayL
     """
 def ambient_occlusion(mesh: Mesh, rays: typing.SupportsInt | typing.SupportsIndex = 96, spheres: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
     """
-    P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that the mesh itself leaves free.
+    P_V of Eq. 8: cosine-weighted share of each vertex's hemisphere that is not hidden by the mesh itself.
 
-    rays: number a vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included;
-    triangles hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the
-    triangles, except where a vertex is inside of them: for objects that deform, a hundred times faster; RMS error 0.02 of
-    spot, 0.05 of a figurine with thin parts, 0.4 of a laptop: fitted spheres do not fill thin things.
-    Raises ValueError for rays < 1.
+    rays: number per vertex. Returns (v,) float32 in [0, 1]: 1 on a convex mesh. The marker plane is not included; triangles
+    hide from both sides. spheres: (m, 4), x y z radius in the mesh's frame, which hide instead of the triangles, except
+    where a vertex is inside them. This is for objects that deform, and a hundred times faster; the RMS error is 0.02 for
+    spot, 0.05 for a figurine with thin parts, 0.4 for a laptop, because fitted spheres do not fill thin things. Raises
+    ValueError for rays < 1.
     """
 def cast_shadow(cube: CubeMap, spheres: typing.Any, method: str = 'auto', resolution: typing.SupportsInt | typing.SupportsIndex = 0, extent: typing.SupportsFloat | typing.SupportsIndex | None = None, centre: typing.Any = None, directions: typing.SupportsInt | typing.SupportsIndex = 256, outer: bool = True) -> ShadowMap:
     """
     ShadowMap of spheres, see shadow_ratio.
 
-    resolution: texels along an edge; 0 is the method's own: 128 for "directions", 64 for the others. extent: half the map's
-    edge in metres, by default 3 times the spheres' half width or half height. centre: (x, y), by default the middle of the
-    spheres. outer: whether "directions" adds a coarse map around, so far out that what is left out is at most 1/510, but
-    eight times the extent at most; without, and by the other methods, the ratio fades to 1 over the outer tenth of the map.
+    resolution: texels along an edge; 0 means the method's default: 128 for "directions", 64 for the others.
+    extent: half the map's edge in metres, by default 3 times the spheres' half width or half height.
+    centre: (x, y), by default the middle of the spheres.
+    outer: whether "directions" adds a coarse map around it, large enough that what is left out is at most 1/510, but at
+    most eight times the extent; without it, and with the other methods, the ratio fades to 1 over the outer tenth of the
+    map.
     Raises ValueError for another shape or method and for numbers out of range.
     """
 def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.SupportsIndex = 128, filter: str = 'area') -> CubeMap:
     """
     Cube map of an equirectangular picture.
 
-    filter: "area" is exact, the energy of each channel is kept; "point" is one bilinear look-up for each texel, faster,
-    for pictures about as fine as the map.
+    filter: "area" is exact and keeps the energy of each channel; "point" makes one bilinear look-up per texel, which is
+    faster, for pictures about as fine as the map.
 
-    image: (height, width, 3) any float dtype, linear radiance; z at the top, the centre looks along +y, x grows to
-    the right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.
+    image: (height, width, 3) any float dtype, linear radiance; z is at the top, the centre looks along +y, x grows to the
+    right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.
     """
 def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
@@ -2063,7 +2089,7 @@ def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | ty
     """
 def due_passes(plan: Plan, wanted: collections.abc.Set[str], stale: collections.abc.Set[str]) -> tuple[list[str], set[str]]:
     """
-    Passes that must run for the wanted products, given the stale ones, and what is stale after they ran. Products and passes by name. Raises ValueError for a name that is none.
+    Passes that must run for the wanted products, given the stale ones, and what is still stale after they ran. Products and passes are given by name. Raises ValueError for an unknown name.
     """
 def equirect_from_cubemap(cube: CubeMap, height: typing.SupportsInt | typing.SupportsIndex = 512) -> numpy.typing.NDArray[numpy.float32]:
     """
@@ -2071,48 +2097,51 @@ def equirect_from_cubemap(cube: CubeMap, height: typing.SupportsInt | typing.Sup
     """
 def fit_spheres(mesh: Mesh, count: typing.SupportsInt | typing.SupportsIndex = 50, resolution: typing.SupportsInt | typing.SupportsIndex = 64, seed: typing.SupportsInt | typing.SupportsIndex = 0) -> numpy.typing.NDArray[numpy.float32]:
     """
-    Spheres that fill a mesh, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
+    Fills a mesh with spheres, for its shadow: (m, 4) float32, x y z radius in the mesh's frame, 1 <= m <= count.
 
-    resolution: voxels along the longest edge. seed: another gives another set, about as good; the same gives the same
-    bits. The mesh may be open, flipped or torn; one that encloses nothing gets spheres spread over its surface. Raises ValueError for count < 1 or resolution outside
-    [8, 128].
+    resolution: voxels along the longest edge. seed: another seed gives another set, about as good; the same seed gives the
+    same bits. The mesh may be open, flipped or torn; a mesh that encloses nothing gets spheres spread over its surface.
+    Raises ValueError for count < 1 or resolution outside [8, 128].
     """
 def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typing.Any = 0.0, *, alpha: typing.Any = None) -> numpy.typing.NDArray[numpy.float32]:
     """
     Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
 
-    views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Fresnel by Schlick the albedo is f0 a + b,
-    with Fresnel 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. From a table (Karis 2013). Raises
+    views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Schlick's Fresnel term the albedo is f0 a + b,
+    with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. From a table (Karis 2013). Raises
     ValueError for another shape or values out of range.
     """
 def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsIndex = 256) -> tuple:
     """
     Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
-    shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. float32; none, (0, 3), without
-    light. Raises ValueError for a count outside [8, 4096].
+    shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. Both are float32; there are
+    none, (0, 3), without light. Raises ValueError for a count outside [8, 4096].
     """
 def main_lights(map: typing.Any, brightness: typing.SupportsFloat | typing.SupportsIndex = 8.0, least_share: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> list[MainLight]:
     """
-    The lights of a place as a person would count them, that with the largest irradiance first.
+    The lights of a place as a person would count them, the one with the largest irradiance first.
 
     map: CubeMap or Environment. A light is a connected region of texels brighter than `brightness` times the map's mean
-    radiance that gives a plane facing it at least `least_share` of its irradiance. They stay in the map: the lights that
-    shading takes out of it are Lighting.lights. Raises TypeError for what is no map, ValueError for options that are not
+    radiance that gives a plane facing it at least `least_share` of its irradiance. These lights stay in the map; those that
+    shading takes out of it are Lighting.lights. Raises TypeError for what is not a map, ValueError for options that are not
     positive and finite.
     """
 def set_threads(count: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
-    Number of threads that the library uses; 0, as it is at first: one a core that this process may use. Results are the same bits for any number. Raises ValueError for a number below 0.
+    Sets the number of threads that the library uses; 0, the initial setting, means one per core that this process may use. Results are the same to the bit for any number. Raises ValueError for a number below 0.
     """
 def shadow_ratio(cube: CubeMap, spheres: typing.Any, points: typing.Any, method: str = 'auto', directions: typing.SupportsInt | typing.SupportsIndex = 256) -> numpy.typing.NDArray[numpy.float32]:
     """
     Ratio of the light on the plane z = 0 with and without spheres: (..., 3) float32 in [0, 1].
 
-    spheres: (m, 4), x y z radius in metres, marker frame. points: (..., 2) metres. method: "directions" (the default,
-    "auto"; right where spheres overlap), or the paper's: "cap-sum" adds what the spheres hold back, "cap-product"
-    multiplies what they let through. directions: how many stand for all light by the first, 8 to 4096; the root mean square
-    error of the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024. A channel without light has ratio
-    1, a point in a sphere 0; spheres that are not finite, have a radius of 0 or less, or lie below the plane are ignored.
+    spheres: (m, 4), x y z radius in metres, marker frame.
+    points: (..., 2) metres.
+    method: "directions" (the default, "auto"; correct where spheres overlap), or the paper's methods: "cap-sum" adds what
+    the spheres hold back, "cap-product" multiplies what they let through.
+    directions: how many directions stand for all light in the method "directions", 8 to 4096; the root mean square error of
+    the ratio against all texels is about 0.009, 0.0034, 0.0012 for 64, 256, 1024.
+    A channel without light has ratio 1, a point in a sphere has 0; spheres that are not finite, have a radius of 0 or less,
+    or lie below the plane are ignored.
     Raises ValueError for another shape, method or number, TypeError for integers.
     """
 def texel_directions(size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:

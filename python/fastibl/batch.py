@@ -109,6 +109,7 @@ def run(
     executor: anything with submit(function, *arguments) whose futures have add_done_callback and result.
     threads: number of fastibl's threads in each call; by default the cores are shared among the workers, and other
     executors' threads are left alone.
+    progress: whether to show a bar.
 
     Raises ValueError for two items with the same name, a name that is not a file name, or fewer than one worker or
     thread; TypeError for one path instead of items, and for what is not an executor. What items raise is in the

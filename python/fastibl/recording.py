@@ -108,7 +108,7 @@ class Frame:
 
 
 class RecordingWarning(UserWarning):
-    """A recording ends early; everything read before stays valid."""
+    """A recording or film ends early, or a part of it cannot be kept; everything else stays valid."""
 
 
 @dataclass(eq=False)

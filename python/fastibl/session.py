@@ -62,6 +62,7 @@ def make_plan(
     methods: "auto", "paper", a mapping from step to method, or another plan's.
     track, capture: whether the poses and the map come from pictures; by default capture is True when no environment is
     given.
+    cast_shadow: False leaves the shadow on the plane out.
     costs: this machine's costs in nanoseconds by name, see fastibl.costs.machine_costs; a built-in table by default.
     offline: True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per
     picture.
@@ -150,6 +151,7 @@ class Session(_Session):
     prior: CubeMap of the place from an earlier time.
     paper_albedo: albedo of the board's white.
     most_boost: largest factor on lights that clip in every exposure. The last three are as in Capture.
+    cast_shadow: False draws no shadow on the plane; set_cast_shadow changes it.
     adapt: whether frames that take longer than `milliseconds`, or much less, change the methods; switch it off for a
     replay that gives the same bits. Choices by `error` alone never depend on time.
     costs: this machine's costs in nanoseconds by name, used for `milliseconds`, see fastibl.costs.machine_costs; a

@@ -406,6 +406,7 @@ def simulate(
     albedo: the table's mean albedo, a number or RGB; by default about that of the printed page.
     board: the printed page (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False is
     no board.
+    seed: of the path's wandering and of the noise. seconds, fps: length, and frames per second.
     size: width and height of the pictures.
     rig: cameras of your own; `size` is then ignored.
     truth_size: texels along a face of the true maps.
@@ -441,8 +442,8 @@ def simulate(
 
     live: whether to make each picture when the recording is iterated, and keep none; each iteration asks
     front_exposures anew. out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos
-    instead of PNG pictures. The same arguments give the same bytes. Raises ValueError for arguments that make no
-    recording.
+    instead of PNG pictures. progress: whether to show a bar. The same arguments give the same bytes. Raises
+    ValueError for arguments that make no recording.
     """
     if not (np.isfinite(seconds) and seconds > 0 and np.isfinite(fps) and fps > 0):
         raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")

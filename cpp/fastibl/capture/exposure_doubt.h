@@ -13,7 +13,8 @@ enum class TakenAs {
   corrected,  // that exposure contradicts the map all over the picture: with what the map says
   estimated,  // no exposure came: with one estimated from the map
   averaged,   // the light flickers at this exposure: as bright as the map, and towards the mean
-  assumed,    // none came with the camera's first picture, of which the map knows nothing: with 1
+  assumed,    // none came with the camera's first picture, of which the map knows nothing: with
+              // what the board's white says, else with 1
   left_out,   // it shows nothing of what it should, or no exposure came and the map cannot tell
 };
 

@@ -17,7 +17,7 @@ struct LevelProbe {
 
 struct PictureLevel {
   int count = 0;             // of probes that it rests on
-  double exposure = 1;       // the one that fits best: median over probes and channels
+  double exposure = 1;       // that fits best: mean of the channels' medians over probes
   glm::dvec3 tint{1};        // by channel: its own median exposure divided by that
   double spread = 0;         // standard deviation of ln(linear / expected) within a channel, robust
   double deviation() const;  // standard deviation of ln(exposure) from it

@@ -16,7 +16,8 @@ struct Pose {
   static Pose from_matrix(const glm::dmat4& matrix);
   // camera_from_marker of a camera at `eye` (x right, y down, z forward) that sees `target` in the
   // middle of its picture and `up` upwards; if it looks along `up`, another direction is upwards.
-  // Throws std::invalid_argument where `eye` and `target` are one point, or anything is not finite.
+  // Throws std::invalid_argument where `eye` and `target` are one point, `up` is 0, or
+  // anything is not finite.
   static Pose look_at(const glm::dvec3& eye, const glm::dvec3& target,
                       const glm::dvec3& up = {0, 0, 1});
   glm::dmat4 matrix() const;

@@ -19,7 +19,7 @@ struct LightsBefore {
   const CubeLevel& level;
 };
 
-// Finds at most `count` lights: discs of up to 7° that hold what is brighter than four times the
+// Finds at most `count` lights: discs of up to 7.5° that hold what is brighter than four times the
 // map's mean. level: working_level() of the map; the map itself only refines directions.
 // Without a frame before, the lights change continuously with the map. With one, its lights are
 // followed: what appeared or went since then belongs to its light at once, while the rest of what a

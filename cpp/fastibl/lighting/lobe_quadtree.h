@@ -20,8 +20,8 @@ struct QuadtreeLevel {
   // mean direction, (1 − its length²)/2, and the solid angle.
   std::vector<float> x, y, z, deficit, angle;
   // For all 6 n² texels the largest among the 48 images, in units of the map's mean radiance: the
-  // effect that a texel's unevenness can have, √ω Σ ω |L − mean| over the finest texels below it;
-  // and its flux ω L, at least ω.
+  // effect that a texel's unevenness can have, √ω Σ ω |L − mean| over the finest texels below it,
+  // times up to 8 where it is far above the mean; and its flux ω L, at least ω.
   std::vector<float> unevenness, flux;
 };
 

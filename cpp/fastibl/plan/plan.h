@@ -45,8 +45,8 @@ struct Plan {
   // kLeastForOne.
   bool shades_alike_as_one = false;
   static constexpr double kLeastForOne = 0.005;
-  // Milliseconds of a frame by the cost table and the slowdown, for the passes that run in every
-  // frame; in turns, for those and the longest turn.
+  // Milliseconds of a frame by the cost table and the slowdown: of the passes that run in every
+  // frame, and of the others their share; in turns, of those and the longest turn.
   double milliseconds = 0;
   // Whether a frame takes only one step of the light's work: a picture into the map, or what is
   // made from the map, which is then some frames old.

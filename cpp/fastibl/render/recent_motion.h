@@ -15,7 +15,7 @@ struct MotionRate {
   Pose later(const Pose& pose, double time) const { return motion.moved(pose, time / seconds); }
 };
 
-// Remembers up to three poses. Two that are no more than 0.1 s apart give a velocity in between;
+// Remembers up to three poses. Two that are no more than 0.25 s apart give a velocity in between;
 // three also give the acceleration, and with it the motion at the last pose.
 class RecentMotion {
  public:

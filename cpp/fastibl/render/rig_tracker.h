@@ -60,7 +60,7 @@ class RigTracker {
   bool turned() const { return turned_.has_value(); }
   // The pose by that rotation, some seconds later.
   Pose turned_at(double later) const;
-  // Whether the last pose by the board may still stand for the pose at a given time.
+  // Whether the last pose, by the board or given, may still stand for the pose at a given time.
   bool is_recent(double time) const;
   // The pose then, by the last pose and its motion.
   Pose back_at(double time) const;

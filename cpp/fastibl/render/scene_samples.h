@@ -75,8 +75,8 @@ class SceneSamples {
   std::vector<glm::vec3> vertices, normals;  // mesh frame, of that side
   std::vector<glm::vec3> origins;            // of rays, likewise
   std::vector<float> openness;               // P_V
-  glm::mat3 turned{1};                       // the object's rotation without its turn about z
-  double lifted = 0;                         // metres
+  glm::mat3 turned{1};  // the object's rotation; all round, without its turn about z
+  double lifted = 0;    // metres
 
   std::size_t direction_count() const { return directions.size(); }
   bool empty() const { return seen == 0; }

@@ -88,8 +88,8 @@ class Session {
   void set_material(const Material& material);
   void move(const Pose& marker_from_object);
   void set_methods(const Methods& methods);
-  // SessionOptions::error and milliseconds; throws std::invalid_argument for values that are
-  // negative or not finite.
+  // SessionOptions::error and milliseconds; throws std::invalid_argument for an error outside of
+  // 0 to 1, or a time that is negative or not finite.
   void set_budgets(double error, double milliseconds);
   void set_cast_shadow(bool cast);
   // baked: of the scene's mesh, or null.

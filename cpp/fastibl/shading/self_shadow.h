@@ -56,8 +56,8 @@ void diffuse_shares(const VertexVisibility& visibility, const CellLight& light,
                     const Irradiance& irradiance, std::span<const glm::vec3> unit_normals,
                     const glm::mat3& marker_from_object, std::span<glm::vec4> shares);
 
-// Adds changes to the vertices' shares in place, to the first three of each, not to those of backs;
-// none becomes negative.
+// Adds changes to the first three of the vertices' shares in place, and to those of their backs
+// where there are changes for them; none becomes negative.
 void add_shares(std::span<const glm::vec3> changes, std::span<glm::vec4> shares);
 
 }  // namespace fastibl

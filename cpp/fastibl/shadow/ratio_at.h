@@ -1,4 +1,4 @@
-// The share of the light that does not reach points of the plane, without a grid.
+// The share of the light that reaches points of the plane, without a grid.
 #pragma once
 
 #include <span>
