@@ -72,8 +72,8 @@ Board Board::kalibr(int rows, int columns, double tag_size, double spacing_ratio
   for (Tag& tag : board.tags) {
     const int row = tag.id / columns, column = tag.id % columns;
     tag.id = (rows - 1 - row) * columns + column;
-    // Printed tags carry AprilTag's own orientation, OpenCV's dictionary the opposite one (read off
-    // photographs of a printed grid).
+    // Printed tags have AprilTag's own orientation; OpenCV's dictionary has the opposite one (as
+    // seen in photographs of a printed grid).
     std::swap(tag.corners[0], tag.corners[2]);
     std::swap(tag.corners[1], tag.corners[3]);
   }

@@ -46,7 +46,7 @@ struct Item {
   int triangle;
 };
 
-// Splits where binned centres make Σ area · triangles least: Wald 2007, On fast Construction of
+// Bins the centres and splits where Σ area · triangles is least: Wald 2007, On fast Construction of
 // SAH-based Bounding Volume Hierarchies.
 class Builder {
  public:
@@ -84,11 +84,11 @@ class Builder {
   }
 
  private:
-  // Where to split [begin, end), whose items are put in order; begin for a leaf.
+  // Reorders the items of [begin, end) and returns where to split them; begin for a leaf.
   int binned(int begin, int end, int axis, const Box& box, const Box& centres) {
     const float lower = centres.lower[axis],
                 scale = kBins * 0.99999f / (centres.upper[axis] - lower);
-    // 0: so far apart that their distance is beyond numbers.
+    // 0: the centres are so far apart that their distance overflows.
     if (!(scale > 0 && scale < kInfinity))
       return end - begin > kLeafSize ? halved(begin, end, axis) : begin;
     const auto bin = [&](const Item& item) {
@@ -115,7 +115,7 @@ class Builder {
       const float cost = sum.area() * float(count) + right[k];
       if (count > 0 && count < end - begin && cost < least) least = cost, best = k;
     }
-    // To visit two boxes costs as much as to meet a triangle.
+    // Visiting two boxes costs as much as testing a triangle.
     if (end - begin <= kLeafSize && !(least + box.area() < box.area() * float(end - begin)))
       return begin;
     const auto first = items_.begin() + begin;
@@ -176,7 +176,7 @@ Bvh::Bvh(const Mesh& mesh) {
   }
 }
 
-// visit(triangle, t, u, v) returns true to stop; t_max may be lowered by it.
+// visit(triangle, t, u, v) returns true to stop, and may lower t_max.
 template <typename Visit>
 void Bvh::traverse(const Ray& ray, float& t_max, Visit&& visit) const {
   if (nodes_.empty()) return;
@@ -193,7 +193,7 @@ void Bvh::traverse(const Ray& ray, float& t_max, Visit&& visit) const {
                                  std::fmax(std::fmin(a.z, b.z), ray.t_min));
     const float far = std::fmin(std::fmin(std::fmax(a.x, b.x), std::fmax(a.y, b.y)),
                                 std::fmin(std::fmax(a.z, b.z), t_max));
-    if (near <= far * 1.000001f) {  // rounding of both
+    if (near <= far * 1.000001f) {  // both are rounded
       if (node.count > 0) {
         for (int i = node.first; i < node.first + node.count; ++i) {
           // Möller and Trumbore 1997, Fast, Minimum Storage Ray/Triangle Intersection.

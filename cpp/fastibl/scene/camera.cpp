@@ -14,14 +14,15 @@ namespace fastibl {
 namespace {
 
 constexpr std::array<std::string_view, 3> kModels = {"perspective", "fisheye", "equirectangular"};
-// Pixels: of a picture's side (3 values of all its pixels are still counted in 32 bits), and of
-// what a calibration gives; beyond, it is of no camera, and products of it overflow.
+// Pixels: the longest side of a picture (3 values per pixel can still be counted in 32 bits), and
+// limits of what a calibration gives: numbers beyond them are no camera's, and their products
+// overflow.
 constexpr int kMostSide = 16384;
 constexpr double kLeastFocal = 1e-3, kMostPixels = 1e7;
 constexpr double kMostCoefficient = 1e9;  // of lenses and vignetting
 constexpr double kSmallestDepth = 1e-9;   // metres or unit lengths: below, a point counts as behind
 
-// Squared radius at which r · factor(r²) stops growing, looked for up to 89° off axis.
+// Squared radius at which r · factor(r²) stops growing, searched up to 89° off axis.
 double growth_limit(const double k[8]) {
   const auto distorted = [&](double r) {
     const double q = r * r;
@@ -152,7 +153,7 @@ std::optional<glm::dvec2> Lens::project(const glm::dvec3& point, glm::dmat2x3* d
   glm::dmat2 d(1.0);
   const glm::dvec2 distorted = trivial_ ? ideal : distort(ideal, derivative ? &d : nullptr);
   if (derivative) {
-    // Rows u and v of the derivative by the point, kept as the two columns of a 3×2.
+    // Rows u and v of the derivative with respect to the point, stored as the columns of a 3×2.
     const glm::dvec3 dx(iz, 0, -ideal.x * iz), dy(0, iz, -ideal.y * iz);
     (*derivative)[0] = fx_ * (d[0][0] * dx + d[1][0] * dy);
     (*derivative)[1] = fy_ * (d[0][1] * dx + d[1][1] * dy);

@@ -20,16 +20,16 @@ double corner_angle(double x, double y) {
   return std::atan2(x * y, std::sqrt(x * x + y * y + 1.0));
 }
 
-// Where the texels across an edge of a face lie: start + i · step on the adjacent face, in units of
-// the last texel's index for the start.
+// Where the texels across an edge of a face lie: at start + i · step on the adjacent face; the
+// start is in units of the last texel's index.
 struct EdgeNeighbour {
   int face, start_x, start_y, step_x, step_y;
   CubeEdge edge;  // of that face
 };
 using enum CubeEdge;
 
-// Found by folding the direction of imagined texels onto the neighbour: exact, because both faces
-// cut an edge into the same parts.
+// Folds the directions of imagined texels beyond the edge onto the neighbour. This is exact,
+// because both faces divide an edge into the same parts.
 EdgeNeighbour find_neighbour(int face, CubeEdge edge) {
   constexpr int n = 4;
   const auto across = [&](int i) {
@@ -107,7 +107,7 @@ std::vector<double> texel_solid_angles(int size) {
   const auto corner = [&](int x, int y) -> double& {
     return corners[std::size_t(y) * std::size_t(n + 1) + std::size_t(x)];
   };
-  // Odd in both coordinates, and the same when they change places: an eighth is worked out.
+  // corner_angle() is odd in both coordinates and symmetric in them, so an eighth is computed.
   for (int y = (n + 1) / 2; y <= n; ++y)
     for (int x = y; x <= n; ++x) {
       const double value = corner_angle(2.0 * x / n - 1, 2.0 * y / n - 1);
@@ -157,7 +157,7 @@ void CubeLevel::update_border(unsigned edges) {
   }
 }
 
-// Four floats from a texel on: its three channels and what lies behind.
+// Four floats from a texel on: its three channels and the float that follows.
 typedef float Four __attribute__((vector_size(16)));
 inline Four four(const glm::vec3* texel) {
   Four v;
@@ -168,15 +168,15 @@ inline Four four(const glm::vec3* texel) {
 glm::vec3 CubeLevel::sample(glm::vec3 direction) const { return sample(face_point(direction)); }
 
 glm::vec3 CubeLevel::sample(const FacePoint& p) const {
-  // Clamped because a direction of length 0 or NaN gives a NaN point; such a look-up is defined,
-  // not useful. Comparisons instead of fmin and fmax, which are library calls.
+  // Clamped, because a direction of length 0 or NaN gives a NaN point: such a look-up is defined,
+  // though not useful. Comparisons are used because fmin and fmax are library calls.
   const float limit = float(size_);
   const auto clamped = [limit](float v) {
     return v > -0.5f ? (v < limit - 0.5f ? v : limit - 0.5f) : -0.5f;
   };
   const float x = clamped(p.s * limit - 0.5f), y = clamped(p.t * limit - 0.5f);
   const int ix = int(x + 1) - 1, iy = int(y + 1) - 1;  // floor for x ≥ −1
-  // Just below a whole number x + 1 is rounded up to the next.
+  // Just below a whole number, x + 1 is rounded up to the next one.
   const auto share = [](float v) { return v > 0 ? v : 0.0f; };
   const float fx = share(x - float(ix)), fy = share(y - float(iy));
   const glm::vec3* a = &texel(p.face, ix, iy);
@@ -209,7 +209,7 @@ FASTIBL_CLONES bool all_clean(const float* values, int count) {
 }
 
 std::uint64_t new_tile_version() {
-  // Two copies of this library in one program, as of plugins, must not give the same numbers.
+  // Two copies of this library in one program, as in plugins, must not give the same numbers.
   static std::atomic<std::uint64_t> last{std::uint64_t{std::random_device{}()} << 32};
   return ++last;
 }
@@ -271,7 +271,7 @@ void CubeMap::update(std::span<const int> changed, int written) {
 
 namespace {
 
-// Edges of a level of faces of n texels along which these lie.
+// The edges that these rectangles touch, on faces of n texels.
 unsigned edges_of(const std::vector<FaceRect>& rects, int n) {
   unsigned edges = 0;
   for (const FaceRect& r : rects) {
@@ -284,7 +284,7 @@ unsigned edges_of(const std::vector<FaceRect>& rects, int n) {
 
 }  // namespace
 
-// Level by level: what is made of texels on both sides of a rectangle's edge needs both done.
+// Works level by level: a texel made from both sides of a rectangle's edge needs both done.
 void CubeMap::update_levels(std::vector<FaceRect> changed, int written) {
   if (changed.empty()) return;
   unsigned faces = 0;
@@ -304,7 +304,7 @@ void CubeMap::update_levels(std::vector<FaceRect> changed, int written) {
       for (const FaceRect& r : changed) reductions_[k]->reduce(levels_[k], r, levels_[k + 1]);
     levels_[k + 1].update_border(edges_of(changed, coarse));
   }
-  // What is not finite reaches the top.
+  // A value that is not finite reaches the top level.
   bool finite = true;
   for (int f = 0; f < 6; ++f) {
     const glm::vec3& top = levels_.back().texel(f, 0, 0);

@@ -11,8 +11,8 @@
 namespace fastibl {
 namespace {
 
-// `upper` and `lower` hold two texels a coarse one, in weights each: w_u u + w_l l of the left
-// pair, plus that of the right pair.
+// Each coarse texel has two texels in `upper`, in `lower` and in their weights: it is w_u u + w_l l
+// of the left pair, plus that of the right pair.
 FASTIBL_CLONES void reduce_row(const float* upper, const float* lower, const float* upper_weights,
                                const float* lower_weights, int count, float* out) {
   const float *u = upper, *l = lower, *wu = upper_weights, *wl = lower_weights;

@@ -10,7 +10,7 @@
 namespace fastibl {
 namespace {
 
-// ρ by midpoints in p = (n·h)^{s+1}, which flattens the lobe, and azimuth:
+// ρ by the midpoint rule in p = (n·h)^{s+1}, which flattens the lobe, and in azimuth:
 // ρ = (s + 8)/(8π) ∫ c^s max(n·l, 0) 4 (v·h) dh, dh = dc dφ, c^s dc = dp/(s + 1).
 double albedo_quadrature(double cos_view, double s) {
   constexpr int kSteps = 64, kTurns = 48;

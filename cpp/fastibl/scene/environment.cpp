@@ -9,7 +9,7 @@
 namespace fastibl {
 namespace {
 
-// Of f(tile, texel of the tile) for each texel, packed as the faces.
+// f(tile, texel of the tile) of every texel, packed as the faces are.
 template <typename F>
 std::vector<float> by_face(TileGrid grid, F&& f) {
   const std::size_t n = std::size_t(grid.size);

@@ -24,7 +24,8 @@ struct Azimuths {
 };
 
 // A thin ring of constant height: sine and cosine of its mid polar angle, and its exact solid angle
-// per column: ∫ sin θ dθ dφ = (cos θ0 − cos θ1) Δφ, as a product to keep the digits near the poles.
+// per column: ∫ sin θ dθ dφ = (cos θ0 − cos θ1) Δφ, written as a product to keep the digits near
+// the poles.
 struct Ring {
   float sine, cosine;
   double solid_angle;
@@ -35,8 +36,8 @@ struct Ring {
   }
 };
 
-// Scale each channel so that the total is the given one. Departures are a few 1e-4: pieces are
-// points.
+// Scales each channel so that the total is the given one. It is off by a few 1e-4 before, because
+// pieces are points.
 void keep_energy(std::vector<glm::vec3>& values, const glm::dvec3& have, const glm::dvec3& want) {
   glm::vec3 scale(1);
   for (int c = 0; c < 3; ++c)
@@ -63,7 +64,7 @@ glm::dvec3 light_of(ImageView<const float> image) {
   return total;
 }
 
-// A picture of clean values: itself, or a copy.
+// The picture with clean values: itself, or a copy.
 ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy,
                                CleaningStatistics& statistics) {
   bool clean = true;
@@ -91,8 +92,8 @@ CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFi
     resample_points(clean, cube.base());
   } else {
     resample_areas(clean, cube.base());
-    // Departures are a few 1e-6: a piece's edges are straight. Beside suns, differences of sums may
-    // fall below 0.
+    // The total is off by a few 1e-6, because a piece's edges are straight. Beside suns,
+    // differences of sums may fall below 0.
     const glm::dvec3 want = light_of(clean), have = cube.mean() * (4 * std::numbers::pi);
     glm::vec3 scale(1);
     for (int c = 0; c < 3; ++c)

@@ -1,8 +1,9 @@
-// A texel's mean is a sum over pieces of azimuth within one column of pixels. The meridian in the
-// middle of a piece crosses the edges of texels one after the other; a length between two crossings
-// in the sine of the latitude, times the piece's azimuth, is a solid angle. The light along a
-// column down to a crossing is known by a sum over whole rows and a part of one, so a texel has the
-// difference of two: all share their crossings, and every part of the picture is counted once.
+// A texel's mean is a sum over pieces of azimuth, each within one column of pixels. The meridian in
+// the middle of a piece crosses the edges of texels one after the other. The difference between two
+// crossings in the sine of the latitude, times the piece's azimuth, is a solid angle. The light of
+// a column down to a crossing is a sum over whole rows and a part of one; a texel takes the
+// difference of two such sums. Texels share their crossings, so every part of the picture is
+// counted once.
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -17,7 +18,7 @@ namespace {
 constexpr double kPiDouble = std::numbers::pi;
 using Double4 [[gnu::vector_size(32), gnu::aligned(8)]] = double;
 
-// Of the texels of a face: light in RGB, and the solid angle that it was summed over.
+// By texel of a face: light in RGB, and the solid angle that it was summed over.
 using Sums = std::vector<float>;
 
 glm::vec3 mean(const float* sum) {
@@ -26,7 +27,7 @@ glm::vec3 mean(const float* sum) {
 
 constexpr int kBlock = 8;  // columns
 
-// Appends rows to `count` columns of values and of sums of the rows above.
+// Appends rows to `count` columns: their values, and the sums of the rows above them.
 FASTIBL_CLONES void read_rows(const float* pixels, std::ptrdiff_t row_stride, int rows, int count,
                               const double* ends, std::size_t stride, std::size_t at,
                               double* __restrict sums, double* __restrict above,
@@ -48,23 +49,23 @@ FASTIBL_CLONES void read_rows(const float* pixels, std::ptrdiff_t row_stride, in
   }
 }
 
-// A column of pixels: light, and the 1 whose sum is a solid angle, per azimuth.
+// A column of pixels: light, and a 1 whose sum is a solid angle, both per azimuth.
 class Columns {
  public:
   explicit Columns(ImageView<const float> picture) : image(picture) {
     for (int y = 0; y <= image.height; ++y) ends.push_back(std::cos(y * kPiDouble / image.height));
-    // Columns begin in different sets of the cache, as rows of a picture often do not.
+    // Unlike the rows of many pictures, columns begin in different sets of the cache.
     stride_ = 4 * std::size_t(image.height) + 16;
     above_.resize(kBlock * stride_);
     value_.resize(above_.size());
   }
-  // Columns are read in blocks, row by row. True if these are read now.
+  // Columns are read in blocks, row by row. True if this call read them.
   bool load(int x) {
     offset_ = std::size_t(x % kBlock) * stride_;
     if (x / kBlock == block_) return false;
     block_ = x / kBlock;
     const int count = std::min(kBlock, image.width - block_ * kBlock);
-    // Pixels are read as four floats: the very last one has no fourth.
+    // Pixels are read as four floats, but the very last one has no fourth.
     const int last = image.height - 1;
     read_rows(image.pixel(block_ * kBlock, 0), image.stride(), last, count, ends.data(), stride_, 0,
               sums_, above_.data(), value_.data());
@@ -89,13 +90,13 @@ class Columns {
   int block_ = -1;
 };
 
-// What lies above a crossing: its sine, in this row.
+// The light above a crossing, which is given by its sine and row.
 FASTIBL_INLINE void light_above(const double* ends, const Double4* above, const Double4* value,
                                 float sine, int row, Double4& out) {
   out = above[row] + (ends[row] - double(sine)) * value[row];
 }
 
-// Columns [from, to) of the picture in pieces that lie within one pixel and are at most 1 / split
+// Cuts columns [from, to) of the picture into pieces, each within one pixel and at most 1 / split
 // of it. body(column of pixels, azimuth of the middle, width of the piece, both in radians)
 template <typename Body>
 void for_pieces(double from, double to, int width, int split, Body&& body) {
@@ -139,10 +140,11 @@ FASTIBL_CLONES void add_line(const double* __restrict ends, const Double4* __res
   }
 }
 
-// A ray from the middle of a face towards an edge, which it meets at 1: at distance X towards it,
-// slope · X to the side. It crosses the lines X_k of texels, and between two of them at most one
-// line of the other direction; before that it is in the texel first_k, then in second_k.
-// sine, row: of X_0, side_0, X_1, side_1, …: absolute sine of the latitude, row from the pole.
+// A ray from the middle of a face towards an edge, which it meets at 1: at distance X towards the
+// edge it is slope · X to the side. It crosses the lines X_k of texels, and between two of them at
+// most one line of the other direction; before that line it is in the texel first_k, after it in
+// second_k.
+// sine, row: absolute sine of the latitude, and row from the pole, of X_0, side_0, X_1, side_1, …
 // texels: first_0, second_0, first_1, …, by their index to the side.
 FASTIBL_CLONES void cast_ray(const float* __restrict lines, int count, float cosine, float slope,
                              int n, int rows, float* __restrict sine, int* __restrict row,
@@ -174,7 +176,7 @@ FASTIBL_CLONES void add_ray(const double* __restrict ends, const Double4* __rest
                             const int* __restrict row, const int* __restrict texels, int count,
                             int bottom_row, std::ptrdiff_t along, std::ptrdiff_t across,
                             float width, float* __restrict sums) {
-  // At the lower pole rows count from below, and what lies above grows towards the pole.
+  // At the lower pole rows are counted from below, and the light above grows towards the pole.
   const bool top = bottom_row < 0;
   const float sign = top ? 1.0f : -1.0f;
   const auto row_of = [&](int k) { return top ? row[k] : bottom_row - row[k]; };
@@ -194,12 +196,12 @@ FASTIBL_CLONES void add_ray(const double* __restrict ends, const Double4* __rest
   }
 }
 
-// The faces ±z, both along each meridian.
+// The faces ±z; each meridian serves both.
 class Caps {
  public:
   Caps(const Columns& column, int size)
       : n_(size),
-        // Rays are as dense that several meet every texel at the edge.
+        // Rays are so dense that several meet every texel at the edge.
         split_(std::max(1, int(std::ceil(24.0 * size / column.image.width)))),
         done_(std::size_t(column.image.width), false) {
     // From the middle of a face to its edge.
@@ -266,12 +268,12 @@ class Caps {
   Sums sums_[2];
 };
 
-// The faces ±x, ±y: edges of texels are meridians one way, and the other way at a height h above
-// the face's middle, of latitude atan(h cos ψ) at azimuth ψ from there.
+// The faces ±x, ±y: edges of texels are meridians in one direction. In the other they lie at a
+// height h above the face's middle: at latitude atan(h cos ψ) for azimuth ψ from the middle.
 void resample_side(int face, Columns& column, Caps& caps, CubeLevel& faces) {
   const int n = faces.size();
-  // Azimuth atan2(x, y) of the face's middle, and its sign by the texel coordinate that it goes
-  // with.
+  // Azimuth atan2(x, y) of the face's middle, and the sign with which it grows along its texel
+  // coordinate.
   const double middle[4] = {kPiDouble / 2, -kPiDouble / 2, 0, kPiDouble};
   const int sign[4] = {1, -1, 1, -1};
   const bool by_row = face < 2;                 // azimuth goes with t; then height goes with s
@@ -289,7 +291,7 @@ void resample_side(int face, Columns& column, Caps& caps, CubeLevel& faces) {
           column.image.width;
     for_pieces(std::min(ends[0], ends[1]), std::max(ends[0], ends[1]), column.image.width, 2,
                [&](int x, double azimuth, double width) {
-                 if (column.load(x)) {  // while they are at hand
+                 if (column.load(x)) {  // while they are loaded
                    caps.add_block(x, column);
                    column.load(x);
                  }

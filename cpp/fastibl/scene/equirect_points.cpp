@@ -9,14 +9,14 @@ namespace fastibl {
 namespace {
 
 // Where a row of texels lies in the picture: the pixel columns to both sides, the upper pixel row,
-// and the way to the right and lower ones.
+// and the share of the way to the right and lower ones.
 struct Places {
   explicit Places(std::size_t n) : left(n), right(n), upper(n), fx(n), fy(n) {}
   std::vector<int> left, right, upper;
   std::vector<float> fx, fy;
 };
 
-// Of directions origin + a · step, a the texel centre's 2 s − 1.
+// Of directions origin + a · step, where a is the texel centre's 2 s − 1.
 FASTIBL_CLONES void place_row(const float* __restrict origin, const float* __restrict step,
                               int count, int width, int height, int* __restrict left,
                               int* __restrict right, int* __restrict upper, float* __restrict fx,
@@ -30,7 +30,7 @@ FASTIBL_CLONES void place_row(const float* __restrict origin, const float* __res
     const float a = (float(i) + 0.5f) * texel - 1;
     const float x = x0 + a * dx, y = y0 + a * dy, z = z0 + a * dz;
     const float ax = std::fabs(x), ay = std::fabs(y);
-    // atan2(x, y); at the pole 0.
+    // atan2(x, y); 0 at the pole.
     const float quarter = first_quadrant_angle(ax, ay > 1e-30f ? ay : 1e-30f);
     const float half = y < 0 ? pi - quarter : quarter;
     const float azimuth = x < 0 ? -half : half;
@@ -49,7 +49,7 @@ FASTIBL_CLONES void place_row(const float* __restrict origin, const float* __res
   }
 }
 
-// Pixels are read as four floats; `end`, the very last one, has no fourth and is also at `copy`.
+// Pixels are read as four floats; `end`, the very last one, has no fourth, so `copy` holds it too.
 FASTIBL_CLONES void look_up_row(const float* image, std::ptrdiff_t row_stride, std::ptrdiff_t below,
                                 const float* end, const float* copy, const int* left,
                                 const int* right, const int* upper, const float* fx,
@@ -64,7 +64,7 @@ FASTIBL_CLONES void look_up_row(const float* image, std::ptrdiff_t row_stride, s
     const Float4 &a = *reinterpret_cast<const Float4*>(p), &b = *reinterpret_cast<const Float4*>(q);
     const Float4 &c = *reinterpret_cast<const Float4*>(r), &d = *reinterpret_cast<const Float4*>(s);
     const Float4 top = a + fx[i] * (b - a), bottom = c + fx[i] * (d - c);
-    // Writes over the next texel, which follows.
+    // Also writes into the next texel, which is written next.
     *reinterpret_cast<Float4*>(out) = top + fy[i] * (bottom - top);
   }
   out[0] = after[0];

@@ -17,7 +17,7 @@ namespace {
 
 // Texture gradients of the mirror direction over slopes of ±alpha, read as an anisotropic filter
 // does (EXT_texture_filter_anisotropic): N = ⌈longer / shorter⌉ look-ups along the longer one, each
-// of the MIP level of longer / N.
+// at the MIP level for longer / N.
 void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
   const glm::vec3 mirror(-v.x, -v.y, v.z);
   const glm::vec3 dx = 4 * alpha.x * glm::vec3(-v.z, 0, -v.x),
@@ -34,7 +34,7 @@ void add_gradient_taps(glm::vec3 v, glm::vec2 alpha, int most, GgxTaps& out) {
 }
 
 // Sums of the lobe over all lights, without and with Schlick's edge term, times the share of each
-// that the look-ups there do not hold. offset: see see_lights(); axes: the surface's frame.
+// light that the look-ups near it do not hold. offset: see see_lights(); axes: the surface's frame.
 FASTIBL_CLONES
 void sum_lights(const LightArrays& lights, const float* offset, const shared::GgxLobe& lobe,
                 const float* axes, const GgxTaps& taps, const float* level, float* front,
@@ -87,7 +87,7 @@ struct LightParts {
 
 GgxLight sampled_ggx(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
                      int taps) {
-  // As the lobe has it, above the horizon.
+  // The view as the lobe uses it: above the horizon.
   const float up = glm::dot(view, frame.normal);
   const glm::vec3 lifted = glm::normalize(view + (std::max(up, 1e-3f) - up) * frame.normal);
   LightParts parts;
@@ -208,7 +208,7 @@ GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::
 
 glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {
   // G2/G1 averaged over midpoints of visible normals: Heitz 2018, Sampling the GGX distribution of
-  // visible normals. Under it the integrand is flat, also at grazing views.
+  // visible normals. With this distribution the integrand is flat, also at grazing views.
   constexpr int kSteps = 96, kTurns = 32;
   static const std::array<glm::dvec2, kTurns> turns = [] {
     std::array<glm::dvec2, kTurns> t;
@@ -228,7 +228,8 @@ glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {
   const double share = 0.5 * (1 + up.z);
   glm::dvec2 sum(0);
   for (int i = 0; i < kSteps; ++i) {
-    // r = sin ψ smooths what falls to 0 at the rim like a root; the weights sin 2ψ sum to 1.
+    // r = sin ψ smooths an integrand that falls to 0 like a root at the rim; the weights sin 2ψ sum
+    // to 1.
     const double psi = (i + 0.5) / kSteps * std::numbers::pi / 2, r = std::sin(psi);
     const double weight = std::sin(std::numbers::pi / (2 * kSteps)) * std::sin(2 * psi) / kTurns;
     for (const glm::dvec2& turn : turns) {

@@ -17,12 +17,12 @@ namespace {
 
 constexpr int kRows = 17;          // exponents 2, 4 … 2^17
 constexpr int kHarmonicsRows = 4;  // 1, 2, 4, 8
-// Up to the first exponent spherical harmonics alone, from the second on look-ups alone.
+// Spherical harmonics alone serve up to the first exponent, look-ups alone from the second on.
 constexpr float kHarmonicsOnly = 4, kTapsOnly = 8;
-// Above, and for the mirror, a lobe is narrower than any texel, and lights are in the map.
+// Above it, and for the mirror, a lobe is narrower than any texel, and lights are in the map.
 constexpr float kLargest = 1e8f;
 
-// A row between two of a table of `rows` × 17 × `width` numbers.
+// A row blended from two of a table of `rows` × 17 × `width` numbers.
 struct Row {
   const float *a, *b;
   float f;
@@ -41,15 +41,15 @@ const float* tap_table(int taps) {
   return tables[taps - 1];
 }
 
-// Look-ups, as lights see them.
+// Look-ups, as sum_lights() reads them.
 struct Taps {
   int count;
   glm::vec3 direction[GlossyLobe::kMaxTaps];
   float weight[GlossyLobe::kMaxTaps], level[GlossyLobe::kMaxTaps], spread[GlossyLobe::kMaxTaps];
-  float harmonics;  // share of spherical harmonics, which leave lights to us wholly
+  float harmonics;  // share of spherical harmonics, which hold nothing of the lights
 };
 
-// Sum of the lobe over all lights times the share that the look-ups there do not hold.
+// Sum of the lobe over all lights, times the share of each that the look-ups near it do not hold.
 // offset: see see_lights().
 FASTIBL_CLONES
 void sum_lights(const LightArrays& lights, const float* offset, float s, const Taps& taps,
@@ -86,7 +86,7 @@ GlossyLobe::GlossyLobe(const GlossyChain& chain, int tap_count, float s)
   const Row integral_row(kLogIntegrals, kRows + 1, 1, log_s);
   for (int c = 0; c < kColumns; ++c) {
     Column& column = columns[std::size_t(c)];
-    float last = 1;  // weights sum to 1, beyond the digits of the table
+    float last = 1;  // weights sum to 1 more exactly than the table's
     for (int k = 0; k < taps && harmonics < 1; ++k) {
       const int i = (c * taps + k) * 3;
       const float angle = shown * tap_row(i) * width;
@@ -183,7 +183,7 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
 
 glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine,
                                    const glm::vec3* position) const {
-  // Eq. 3 with s = 0 is Lambert's law; up to s = 1 lobes are between it and that of s = 1.
+  // Eq. 3 with s = 0 is Lambert's law; up to s = 1 it is blended with the lobe of s = 1.
   if (exponent_ == 0) return evaluate(lighting_->irradiance, n) / kPi;
   if (method_ == GlossyMethod::mip)
     return lighting_->radiance->sample(looked(2 * cosine * n - v, position), level_);

@@ -30,8 +30,8 @@ constexpr int kColumnFloats = sizeof(GlossyLobe::Column) / sizeof(float);
 FASTIBL_PICK(mip_block);
 FASTIBL_PICK(chain_block);
 
-// Calls block(normals, views, positions or null, count, out) for whole blocks, the last one filled
-// up.
+// Calls block(normals, views, positions or null, count, out) for whole blocks; the last one is
+// filled up.
 template <typename F>
 void by_blocks(std::span<const glm::vec3> normals, std::span<const glm::vec3> views,
                std::span<const glm::vec3> positions, std::span<glm::vec3> out, F&& block) {

@@ -14,7 +14,7 @@ namespace fastibl {
 namespace {
 
 // E = p0 + x (p1 + p2 x + p3 y + p4 z) + y (p5 + p6 y + p7 z) + p8 z for unit vectors, whose z² is
-// 1 − x² − y²: eight products a channel. Then the lobes, as in Lobes.
+// 1 − x² − y²: eight products a channel. The lobes follow, as in Lobes.
 struct LobesKernel {
   float coefficients[3][9];
   float axes[kMostLobes][3];
@@ -46,7 +46,7 @@ LobesKernel lobes_kernel(const Irradiance& e) {
   return k;
 }
 
-// Calls kernel(normals, count, out) for whole blocks, the last one filled up.
+// Calls kernel(normals, count, out) for whole blocks; the last one is filled up.
 template <typename Kernel>
 void by_blocks(std::span<const glm::vec3> normals, std::span<glm::vec3> out, Kernel&& kernel) {
   constexpr int kBlock = 2 * kWide;

@@ -28,7 +28,7 @@ IsotropicTaps::IsotropicTaps() : nodes_(std::size_t(kRoughnesses) * kAngles) {
       Node& node = nodes_[std::size_t(r) * kAngles + std::size_t(a)];
       node.albedo = taps.albedo;
       for (int k = 0; k < kGgxTaps; ++k) {
-        // Where nothing is reflected there is one tap: all of them are it.
+        // Where nothing is reflected there is one tap, and all are copies of it.
         const GgxTap& tap = taps.taps[std::size_t(std::min(k, taps.count - 1))];
         node.across[k] = -tap.direction.x, node.up[k] = tap.direction.z;
         node.width[k] = tap.width;
@@ -52,7 +52,7 @@ GgxTaps IsotropicTaps::at(glm::vec3 view, float roughness) const {
   const Node* lower = &nodes_[std::size_t(row) * kAngles + std::size_t(column)];
   const Node* upper = lower + kAngles;
   const float w[4] = {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
-  // By members, not pointers to them: these lose the alignment of a float.
+  // Functions read the members: pointers to members lose the alignment of a float.
   const auto mean = [&](auto part) {
     return w[0] * part(lower[0]) + w[1] * part(lower[1]) + w[2] * part(upper[0]) +
            w[3] * part(upper[1]);

@@ -9,8 +9,8 @@
 namespace fastibl {
 namespace {
 
-// Faces of the level that is searched: window bars of a degree part nothing. Of the one that the
-// whole irradiance is summed over.
+// Face size of the level that is searched (window bars of a degree part nothing), and of the level
+// that the whole irradiance is summed over.
 constexpr int kWorkSize = 64, kSumsSize = 32;
 constexpr double kSamePlace = 0.05;  // radians between a light and where it was triangulated
 

@@ -22,11 +22,11 @@ void normalize_all(std::vector<glm::vec3>& normals) {
 }
 
 constexpr float kCrease = 0.5f;  // cosine of 60°, between triangles
-// Triangles that meet at a vertex; more are taken for smooth: each would be compared with each.
+// Triangles that meet at a vertex; more are taken for smooth, as each would be compared with each.
 constexpr std::size_t kMostAround = 1000;
 
 // Visits the corners of all triangles that have an area: visit(triangle, k, normal, angle). In
-// double: an area in float would overflow from edges of 1e10 on, and vanish below 1e-11.
+// double, because a float area would overflow from edges of 1e10 on and vanish below 1e-11.
 template <typename Visit>
 void for_corners(const Mesh& mesh, Visit&& visit) {
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -73,7 +73,7 @@ void Mesh::validate() const {
 
 namespace {
 
-// One number for all vertices at one place.
+// A number by vertex, the same for all at one place.
 std::vector<int> places_of(const Mesh& mesh) {
   std::map<std::array<float, 3>, int> places;
   std::vector<int> place;
@@ -82,14 +82,14 @@ std::vector<int> places_of(const Mesh& mesh) {
   return place;
 }
 
-// The parts of a mesh that hang together, by their lowest place.
+// The connected parts of a mesh, by their lowest place.
 class Parts {
  public:
   explicit Parts(std::size_t places) : above_(places) {
     std::iota(above_.begin(), above_.end(), 0);
   }
   int of(int place) {
-    while (above_[std::size_t(place)] != place)  // halves the way for the next
+    while (above_[std::size_t(place)] != place)  // halves the path for the next
       place = above_[std::size_t(place)] = above_[std::size_t(above_[std::size_t(place)])];
     return place;
   }
@@ -102,8 +102,8 @@ class Parts {
   std::vector<int> above_;
 };
 
-// Of what a triangle spans with the middle of its mesh, times six; below 0 where it is seen from
-// its back there.
+// Six times the volume that a triangle spans with the middle of its mesh; below 0 where it is seen
+// from its back there.
 class SixVolumes {
  public:
   explicit SixVolumes(const Mesh& mesh) : mesh_(mesh), middle_(bounds(mesh.vertices).centre()) {}
@@ -115,7 +115,7 @@ class SixVolumes {
 
  private:
   const Mesh& mesh_;
-  glm::dvec3 middle_;  // for the digits
+  glm::dvec3 middle_;  // keeps the digits
 };
 
 }  // namespace
@@ -123,7 +123,7 @@ class SixVolumes {
 bool is_closed(const Mesh& mesh) {
   mesh.validate();
   const std::vector<int> place = places_of(mesh);
-  std::map<std::pair<int, int>, int> edges;  // times that it runs upwards, less downwards
+  std::map<std::pair<int, int>, int> edges;  // how often it runs upwards, less how often downwards
   for (const glm::ivec3& t : mesh.triangles)
     for (int k = 0; k < 3; ++k) {
       const int a = place[std::size_t(t[k])], b = place[std::size_t(t[(k + 1) % 3])];
@@ -161,7 +161,7 @@ Mesh turned_outwards(Mesh mesh) {
     }
     if (along < 0) turn();
   }
-  double volume = 0;  // of an open one by chance
+  double volume = 0;  // arbitrary for an open mesh
   for (const SixVolumes of(mesh); const glm::ivec3& t : mesh.triangles) volume += of(t);
   if (!(volume < 0) || !is_closed(mesh)) return mesh;
   turn();
@@ -184,7 +184,8 @@ std::vector<glm::vec3> vertex_normals(const Mesh& mesh) {
 
 namespace {
 
-// Where u grows on a triangle, and as w which way v does: 0 where its uvs define neither.
+// The direction in which u grows on a triangle, and as w which way v does; 0 where its uvs define
+// neither.
 glm::vec4 along_u(const Mesh& mesh, const glm::ivec3& t) {
   glm::dvec3 p[3];
   for (int k = 0; k < 3; ++k) p[k] = glm::dvec3(mesh.vertices[std::size_t(t[k])]);
@@ -220,7 +221,7 @@ Mesh with_creases(Mesh mesh) {
     const bool all = corners[i].size() > kMostAround;
     for (const Corner& c : corners[i]) {
       glm::vec3 sum(0);
-      if (all && !found.empty()) break;  // every corner has the vertex itself
+      if (all && !found.empty()) break;  // every corner keeps the vertex itself
       for (const Corner& other : corners[i])
         if (all || glm::dot(c.normal, other.normal) > kCrease) sum += other.angle * other.normal;
       auto at = std::find_if(found.begin(), found.end(),

@@ -7,15 +7,15 @@
 namespace fastibl {
 namespace {
 
-// A light's texels, and parts of it that were looked for by themselves, lie within this many times
-// its angular radius, and radians more.
+// A light's texels, and parts of it that were looked for separately, lie within this many times its
+// angular radius plus so many radians.
 constexpr float kOutline = 1.5f, kBeside = 0.05f;
 
 }  // namespace
 
 const NearLight* NearLights::towards(glm::vec3 direction) const {
   const NearLight* nearest = nullptr;
-  float least = std::numeric_limits<float>::infinity();  // angle by what is allowed
+  float least = std::numeric_limits<float>::infinity();  // angle relative to what is allowed
   for (const NearLight& light : lights) {
     const float angle = std::acos(std::clamp(glm::dot(direction, light.direction), -1.0f, 1.0f));
     const float part = angle / (kOutline * std::asin(std::min(light.sin_radius, 1.0f)) + kBeside);

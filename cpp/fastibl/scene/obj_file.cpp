@@ -19,11 +19,11 @@ namespace {
 
 constexpr std::size_t kMostCorners = 1024;  // of a polygon
 constexpr glm::dvec3 kUnpainted(-1);        // of a vertex without a colour
-constexpr double kMostOfOne = 1.5;          // of colours whose white is 1, hardly beyond it
+constexpr double kMostOfOne = 1.5;          // colours whose white is 1 hardly exceed it
 
 bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-// Lines without comments, those that end in a backslash joined to the next.
+// Lines without comments; a line that ends in a backslash is joined to the next.
 class Lines {
  public:
   explicit Lines(std::string_view text) : rest_(text) {
@@ -89,7 +89,7 @@ glm::dvec3 three_numbers(Lines& lines) {
   return p;
 }
 
-// After a place: of MeshLab a colour (three numbers), of others a weight, or both.
+// After a place, MeshLab writes a colour (three numbers); others write a weight, or both.
 void add_color(Lines& lines, std::size_t vertex, std::vector<glm::dvec3>& colors) {
   std::array<std::string_view, 4> words;
   std::size_t count = 0;
@@ -102,7 +102,7 @@ void add_color(Lines& lines, std::size_t vertex, std::vector<glm::dvec3>& colors
     color[int(k)] = number_of(words[count - 3 + k], "three numbers of a colour", lines.number());
 }
 
-// sRGB, of white 1 or 255.
+// The colours are sRGB, with white 1 or 255.
 void make_linear(std::vector<glm::dvec3>& colors) {
   double most = 0;
   for (const glm::dvec3& color : colors)
@@ -116,7 +116,7 @@ void make_linear(std::vector<glm::dvec3>& colors) {
   }
 }
 
-// One number is a u.
+// A single number is a u.
 glm::vec2 uv_of(Lines& lines) {
   const double u = number_of(lines.word(), "one to three numbers", lines.number());
   const std::string_view v = lines.word();
@@ -126,8 +126,8 @@ glm::vec2 uv_of(Lines& lines) {
 constexpr const char* kParts[] = {"vertex", "uv", "normal"};  // of a corner, as written
 using Corner = std::array<long, 3>;                           // from 0; -1: none
 
-// "7", "7/1", "7//3" or "7/1/3"; what is negative counts back from the last one so far, of which
-// there are `counts`. Uvs that are not wanted are not looked at.
+// "7", "7/1", "7//3" or "7/1/3". A negative number counts back from the last one so far, of which
+// there are `counts`. Unwanted uvs are not looked at.
 Corner corner_of(std::string_view word, const std::array<std::size_t, 3>& counts, bool with_uvs,
                  int line) {
   Corner corner{-1, -1, -1};
@@ -162,7 +162,7 @@ struct Kept {
   bool normals, uvs, colors;
 };
 
-// Vertices of a mesh, each place, normal, uv and colour once.
+// Vertices of a mesh: each set of place, normal, uv and colour once.
 class Vertices {
  public:
   // index: in the file
@@ -204,7 +204,7 @@ class Vertices {
   std::unordered_map<std::string, int> numbers_;
 };
 
-// corners: of the file's faces, one each of `vertices`. triangles: of them.
+// corners: of the file's faces, one for each of `vertices`. triangles: indices of these.
 Mesh merged(const std::vector<Vertex>& vertices, const std::vector<Corner>& corners,
             std::vector<glm::ivec3> triangles, const Kept& kept) {
   Vertices once;
@@ -219,7 +219,7 @@ Mesh merged(const std::vector<Vertex>& vertices, const std::vector<Corner>& corn
   return mesh;
 }
 
-// Of the corners, as a scene works them out for a mesh of these places alone.
+// Normals of the corners, as a scene works them out for a mesh of these places alone.
 std::vector<glm::vec3> smooth_normals(std::vector<Vertex> vertices,
                                       const std::vector<Corner>& corners,
                                       const std::vector<glm::ivec3>& triangles) {
@@ -264,7 +264,7 @@ std::vector<glm::ivec3> polygon_triangles(const std::vector<glm::dvec3>& polygon
     return true;
   };
   while (left.size() > 3) {
-    std::size_t tip = 1;  // of what is flat, any
+    std::size_t tip = 1;  // where all is flat, any
     for (std::size_t i = 1; i <= left.size(); ++i)
       if (is_ear(i % left.size())) {
         tip = i % left.size();
@@ -322,7 +322,7 @@ Mesh read_obj(std::string_view text, const ObjOptions& options, ObjMaterials* ma
   const auto has = [](std::size_t part) {
     return [part](const Corner& corner) { return corner[part] >= 0; };
   };
-  // Normals that some faces name and none is given of are as none.
+  // If only some faces name normals and none is given, they are ignored.
   if (normals.empty() && !std::all_of(corners.begin(), corners.end(), has(2)))
     for (Corner& corner : corners) corner[2] = -1;
   const bool with_uvs = options.uvs && std::any_of(corners.begin(), corners.end(), has(1));

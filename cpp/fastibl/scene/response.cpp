@@ -11,7 +11,7 @@ namespace fastibl {
 namespace {
 
 constexpr int kLevelSteps = 8 * 255;  // of a curve between levels
-constexpr int kBelowWhite = 5;        // codes that a clipped pixel may be pushed down
+constexpr int kBelowWhite = 5;        // codes by which a clipped pixel may be pushed down
 
 }  // namespace
 
@@ -67,7 +67,7 @@ float Response::white() const {
 }
 
 int Response::clipped_code() const {
-  const int first = int(black() * 255) + 1;  // that is any light
+  const int first = int(black() * 255) + 1;  // the first code of any light
   return std::max(first, int(std::lround(white() * 255)) - kBelowWhite);
 }
 
@@ -96,7 +96,7 @@ void look_up(const std::uint8_t* at, const float* table, std::size_t count, floa
   for (std::size_t i = 0; i < count; ++i) out[i] = table[int(at[i])];
 }
 
-// As ByteResponse::encode() where a guess is at most one code too low; by one look-up each.
+// As ByteResponse::encode(), with one look-up each: for guesses that are at most one code too low.
 FASTIBL_CLONES
 void encode_by_one_step(const float* linear, const std::uint32_t* step, int bins, std::size_t count,
                         std::uint8_t* __restrict out) {
@@ -117,7 +117,7 @@ ByteResponse::ByteResponse(const Response& response) : clipped_code_(response.cl
   for (int k = 0; k < 256; ++k) {
     decode_[std::size_t(k)] = response.decode(float(k) / 255.0f);
     upper_[std::size_t(k)] = k < 255 ? response.decode((float(k) + 0.5f) / 255.0f) : 2.0f;
-    // Of tiny values what the parts of a bin can tell: 2^-36.
+    // Rounds tiny values up to what the parts of a bin can tell: 2^-36.
     if (upper_[std::size_t(k)] * kGuesses < 1)
       upper_[std::size_t(k)] = std::ceil(upper_[std::size_t(k)] * 0x1p36f) * 0x1p-36f;
   }
@@ -136,7 +136,7 @@ ByteResponse::ByteResponse(const Response& response) : clipped_code_(response.cl
     const std::uint32_t last = end < 1 ? std::uint32_t(end * 0x1p24f) - 1 : 0xffffffu;
     step_[i] = std::uint32_t(guess_[i]) << 24 | last;
   }
-  // Black stays black; what is beyond white is white, of any factor from 1 on.
+  // Black stays black; what is beyond white is white, for any factor from 1 on.
   for (std::size_t k = std::size_t(black_) + 1; k <= white_; ++k) {
     const float slack = 1e-6f;  // of the products
     least_unseen_ = std::max(least_unseen_, upper_[k - 1] / decode_[k] * (1 + slack));

@@ -23,7 +23,7 @@ glm::dvec3 RowMotion::speed(const glm::dvec3& point, double share) const {
          slightly_turned(way(turn, turning, share), shift + share * shifting);
 }
 
-// A turn that changes its axis is told so to first order.
+// A turn whose axis changes is given to first order.
 RowMotion RowMotion::seen_from(double share) const {
   const glm::dmat3 turned = rotation_from_vector(way(turn, turning, share));
   return {turn + share * turning, turned * (shift + share * shifting), turning, turned * shifting};

@@ -9,11 +9,12 @@
 namespace fastibl {
 namespace {
 
-// What half vectors are drawn by, kept for the next call of a thread: a scene has few lobes. Pairs
-// on both sides of y = 0, in equal shares of the lobe; an odd tap takes the one at the normal.
+// The shares of the lobe by which half vectors are drawn, kept for a thread's next call: a scene
+// has few lobes. They are equal shares, in pairs on both sides of y = 0; an odd tap takes the one
+// at the normal.
 struct Share {
-  double beyond, turn;  // of the lobe, what is farther from the normal; from the x axis
-  double side;          // 1 or −1: of y
+  double beyond, turn;  // the part of the lobe farther from the normal; angle from the x axis
+  double side;          // 1 or −1: sign of y
 };
 std::vector<Share> equal_shares(int taps) {
   std::vector<Share> shares;
@@ -30,7 +31,7 @@ struct HalfVector {
   float x, y, z;      // y across the plane of incidence, z along the normal
   float solid_angle;  // of the taps around it, over all h
 };
-// By (n·h)^s.
+// Drawn by (n·h)^s.
 struct PowerLattice {
   float exponent = -1;
   int taps = 0;
@@ -53,7 +54,7 @@ struct PowerLattice {
   }
 };
 
-// By GGX's D (n·h), in slopes over alpha, of which the density is 1/(π (1 + x² + y²)²).
+// Drawn by GGX's D (n·h), in slopes over alpha, whose density is 1/(π (1 + x² + y²)²).
 struct SlopeLattice {
   struct Slope {
     float x, y;
@@ -78,21 +79,21 @@ glm::vec3 nearest_texel(const CubeLevel& level, glm::vec3 direction) {
   return level.texel(at.face, at.x, at.y);
 }
 
-// Mean over about the solid angle around a unit direction.
+// Mean over about this solid angle around a unit direction.
 glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nearest) {
   const glm::vec3 a = glm::abs(l);
   const float major = std::max({a.x, a.y, a.z}), n = float(map.size());
   const float texel = 4 / (n * n) * major * major * major;
   const float level = 0.5f * std::log2(std::max(solid_angle, 1e-30f) / texel);
   if (level >= 0 || nearest <= 0) return map.sample(l, level);
-  // From the blend between texels to the texels themselves where four to sixteen taps fall on each:
-  // fewer would count them unevenly.
+  // Goes from the blend between texels to the texels themselves where four to sixteen taps fall on
+  // each; fewer taps would count texels unevenly.
   const float share = nearest * std::clamp(-level - 1, 0.0f, 1.0f);
   const glm::vec3 texels = nearest_texel(map.level(0), l);
   return share >= 1 ? texels : glm::mix(map.sample(l, 0), texels, share);
 }
 
-// A thread's taps, kept for their memory.
+// A thread's taps, kept to reuse their memory.
 class Taps {
  public:
   Taps() { found().clear(); }
@@ -101,7 +102,7 @@ class Taps {
     total_ += weight;
   }
   std::span<const LobeTap> or_mirror(const CubeMap& map, glm::vec3 mirror) {
-    // Below: all taps graze, and their light, times such weights, would vanish in float.
+    // Below this, all taps graze, and their light times such weights would vanish in float.
     if (!(total_ > 1e-12f)) found().assign(1, {mirror, map.sample(mirror, 0), 1});
     return found();
   }

@@ -22,7 +22,7 @@ struct alignas(64) Places {
   std::int32_t at[kBlock];  // first column of two
   std::int32_t left[kBlock],
       right[kBlock];                  // weights of their upper and lower texels, 16 bits each
-  std::uint16_t inside[kBlock / 16];  // a bit each
+  std::uint16_t inside[kBlock / 16];  // a bit per point
 };
 
 #define FASTIBL_KERNEL "fastibl/scene/shadow_look_up_kernel.inl"
@@ -51,7 +51,8 @@ ShadowLookUp::Level level_of(const Image<float>& image, glm::vec2 centre, float 
   return level;
 }
 
-// Ratios of a block in the first level that has each point; `out` has room for four floats more.
+// Ratios of a block's points, each from the first level that has it; `out` has room for four floats
+// more.
 void sample_block(std::span<const ShadowLookUp::Level> levels, const float* points, int count,
                   float* out) {
   Places places;

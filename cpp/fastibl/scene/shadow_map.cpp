@@ -23,7 +23,7 @@ glm::vec3 ShadowMap::sample(glm::vec2 point) const {
 
 void ShadowMap::sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const {
   check_room(points, ratios);
-  // Making ready costs a texel about as much as a look-up, of which one at a time costs ten.
+  // Preparation costs about one look-up per texel; a look-up by itself costs as much as ten.
   if (points.size() > ratio.data.size() / 16) return ShadowLookUp(*this).sample(points, ratios);
   for (std::size_t i = 0; i < points.size(); ++i) ratios[i] = sample(points[i]);
 }

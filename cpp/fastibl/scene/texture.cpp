@@ -10,8 +10,8 @@
 namespace fastibl {
 namespace {
 
-// What the texel i of half as many is made of: texels 2 i, 2 i + 1 and 2 i + 2 of `size`. Of an odd
-// number, each of the half as many covers a little more than two: Guthe and Heckbert 2005,
+// Weights of texels 2 i, 2 i + 1 and 2 i + 2 of `size` in texel i of the level with half as many.
+// Where `size` is odd, each coarse texel covers a little more than two: Guthe and Heckbert 2005,
 // Non-power-of-two mipmapping.
 struct Weights {
   float of[3];
@@ -43,7 +43,7 @@ Image<float> half(const Image<float>& fine) {
 
 constexpr std::array<std::string_view, 3> kWraps = {"repeat", "clamp", "mirror"};
 
-// u in [0, 1] that shows the same.
+// The u in [0, 1] that shows the same.
 float folded(float u, Wrap wrap) {
   switch (wrap) {
     case Wrap::repeat:
@@ -57,7 +57,7 @@ float folded(float u, Wrap wrap) {
   return 1 - std::abs(2 * (half - std::floor(half)) - 1);
 }
 
-// Of texels -1 to n.
+// For texels -1 to n.
 int wrapped(int i, int n, Wrap wrap) {
   if (wrap == Wrap::repeat) return i < 0 ? i + n : i >= n ? i - n : i;
   return std::clamp(i, 0, n - 1);  // a mirror shows the border twice
