@@ -12,11 +12,11 @@ namespace {
 
 constexpr double kThreshold = 4;  // times the mean of the map: what is brighter belongs to lights
 constexpr float kInner = 5 * kPi / 180, kOuter = 7.5f * kPi / 180;  // a disc fades out between
-// A light that holds less of the map's light than this stays in the map; up to twice as much, a
-// part of it does, so that it neither appears nor vanishes at once.
+// A light that holds a smaller share of the map's light than this stays in the map. Up to twice the
+// share a part of it does, so that a light neither appears nor vanishes at once.
 constexpr double kLeastShare = 0.0025;
-// By how much the share that a light holds of its disc may change from one map to the next, beside
-// what the map changed there: lights are shaded sharper than the map, and would pop.
+// How much the share that a light holds of its disc may change from one map to the next, apart from
+// what the map changed there: lights are shaded more sharply than the map, and would pop.
 constexpr float kFade = 0.04f;
 // A light that appears lets another one that it is this much of go at once.
 constexpr double kMasks = 0.5;
@@ -50,7 +50,7 @@ struct BrightTexels {
   double total = 0;  // flux of the whole map
 };
 
-// before: the level of the map before, or null.
+// before: the previous map's level, or null.
 BrightTexels bright_texels(const CubeLevel& level, const CubeLevel* before) {
   const int n = level.size();
   static const std::vector<double> of_working_size = texel_solid_angles(64);
@@ -86,7 +86,7 @@ BrightTexels bright_texels(const CubeLevel& level, const CubeLevel* before) {
   return bright;
 }
 
-// Middle of the light around a direction: mean shift with the window.
+// The middle of the light around a direction, by mean shift with the window.
 glm::vec3 settled(const std::vector<Bright>& texels, glm::vec3 direction) {
   for (int round = 0; round < 30; ++round) {
     glm::dvec3 sum(0);
@@ -102,9 +102,9 @@ glm::vec3 settled(const std::vector<Bright>& texels, glm::vec3 direction) {
   return direction;
 }
 
-// Where a light of an earlier frame is now: its window stays as it is while the middle of the light
-// is within half a degree of it, and follows beyond. Settling anew would let it drift along lights
-// that are larger than the window.
+// Where a light of an earlier frame is now. Its window stays while the middle of the light is
+// within half a degree of the window's, and follows it beyond. Settling anew would let the window
+// drift along lights that are larger than it.
 glm::vec3 followed(const std::vector<Bright>& texels, glm::vec3 window_middle) {
   constexpr double kSlack = 0.5 * kDegree;
   glm::dvec3 sum(0);
@@ -123,7 +123,7 @@ double flux_around(const std::vector<Bright>& texels, glm::vec3 direction) {
   return sum;
 }
 
-// Where most of the light that is left lies under one window.
+// The direction whose window holds most of the light that is left.
 glm::vec3 brightest(const std::vector<Bright>& texels) {
   std::vector<const Bright*> order;
   for (const Bright& t : texels) order.push_back(&t);
@@ -152,8 +152,8 @@ struct TakenLight {
   std::vector<std::pair<std::size_t, float>> part;  // of each texel's excess
 
   double appeared() const { return std::max(flux - flux_before, 0.0); }
-  // The nearest to a strength that can be reached from the map before. What came or went may do so
-  // in the light or in the map.
+  // The strength nearest to the given one that can be reached from the map before. Flux that came
+  // or went may do so in the light or in the map.
   float towards(float strength) const {
     const double held = before * flux_before, went = std::max(flux_before - flux, 0.0);
     return std::clamp(strength, std::max(0.0f, float((held - went) / flux) - fade),
@@ -179,7 +179,7 @@ void give_back(std::vector<Bright>& texels, const TakenLight& taken) {
   for (const auto& [i, w] : taken.part) texels[i].left += w;
 }
 
-// Middle of what a texel holds, from a finer level if there is one.
+// The middle of the light in a texel, from a finer level if there is one.
 glm::dvec3 middle(const CubeMap& map, int fine, int size, const Bright& t) {
   if (fine < 0) return t.direction;
   const CubeLevel& level = map.level(fine);
@@ -259,7 +259,7 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
       give_back(texels, again);
   }
   double next = 0;  // flux of the largest light that there is no room for
-  // Until those that are too many have faded; and where none is asked for.
+  // Full until the surplus lights have faded, and where none is asked for.
   const bool full = count == 0 || int(taken.size()) > count;
   for (int round = 0; !full && round < 2 * kMaxLights; ++round) {
     TakenLight more = take(texels, brightest(texels));
@@ -283,7 +283,8 @@ std::vector<FoundLight> find_lights(const CubeMap& map, const CubeLevel& level, 
   }
   for (const TakenLight& t : taken) {
     float strength = t.leaves ? 0 : smooth(float(t.flux / least - 1));
-    // With nothing to fade from, the last ones do by their distance to the first that is left out.
+    // Without a map before, the last lights fade by how near their flux is to the first that is
+    // left out.
     if (!before && next > 0) strength *= smooth(float((t.flux / next - 1) / 0.25));
     if (before) strength = t.towards(strength);
     if (strength > 0) found.push_back(finished(map, level, texels, t, strength));

@@ -12,8 +12,8 @@ constexpr int kWorkSize = 64;     // texels along a face of the level that is se
 constexpr double kOutline = 1.5;  // times the angular radius, and
 constexpr double kTexels = 1.5;   // texels more: what belongs to a light that is no disc
 constexpr double kRing = 1.4;     // times the outline: what is around it
-// Relative standard deviation of a distance from which on a light is distant: that from which on
-// capture reports it.
+// From this relative standard deviation of its distance on, a light counts as distant. Capture
+// reports lights below the same limit.
 constexpr double kUnsure = 0.2;
 constexpr float kLeastSine = 0.01f;   // half a degree: no surface is nearer to less
 constexpr float kMostSine = 0.9999f;  // a light that is not around the centre
@@ -35,7 +35,7 @@ std::optional<Place> place_of(const LightPosition& light, const glm::dvec3& cent
   if (!(along >= 0) || !std::isfinite(along) || !std::isfinite(spread)) return std::nullopt;
   const double unsure = along / (kUnsure * kUnsure * distance * distance);
   if (!(unsure < 1)) return std::nullopt;
-  // A place that is unsure by more than the light is large is no sharper than that.
+  // A light whose place is unsure by more than its radius counts as large as that.
   const double size = std::max(radius, std::sqrt(std::max(spread, 0.0))) / distance;
   return Place{direction, (1 - unsure) / distance,
                std::clamp(size, double(kLeastSine), double(kMostSine))};
@@ -104,7 +104,7 @@ class Search {
           (along < inner * length ? ring_ : inside_).push_back(t);
         }
   }
-  // Of the ring, by channel: another light in it counts by its size alone.
+  // Median of the ring by channel: another light in it counts by its size alone.
   glm::vec3 median() const {
     glm::vec3 out(0);
     if (ring_.empty()) return out;

@@ -17,8 +17,8 @@ constexpr float kFinestExponent = 8192;
 
 float exponent_of(int level) { return kFinestExponent / std::exp2(2.0f * float(level - 1)); }
 
-// Solid-angle means over the target's texels of a level of any size: pieces of source texels,
-// each with its solid angle.
+// Resamples a level of any size: each target texel is the mean over pieces of source texels,
+// weighted by their solid angles.
 CubeLevel resampled(const CubeLevel& from, int n) {
   const int m = from.size();
   CubeLevel out(n);
@@ -96,7 +96,7 @@ void harmonics_at(glm::dvec3 d, double (&y)[25]) {
 }
 
 // The basis integrated over every texel of a level; the same for every map. A constant map gives
-// band 0 alone, whatever the integration leaves.
+// band 0 alone, whatever error the integration leaves.
 std::vector<std::array<double, 25>> harmonic_weights(int n) {
   constexpr int kPieces = 4;
   const std::vector<double> pieces = texel_solid_angles(n * kPieces),
@@ -132,7 +132,7 @@ std::array<glm::vec3, 25> project_harmonics(const CubeLevel& level) {
         const glm::dvec3 radiance(level.texel(f, x, y));
         for (std::size_t i = 0; i < 25; ++i) sums[i] += (*w)[i] * radiance;
       }
-  // The constants again: what is left of the basis are plain polynomials.
+  // With the constants again, what is left of the basis is plain polynomials.
   constexpr double constant[25] = {
       0.28209479177387814, 0.48860251190291992, 0.48860251190291992, 0.48860251190291992,
       1.0925484305920792,  1.0925484305920792,  0.31539156525252005, 1.0925484305920792,
@@ -152,7 +152,7 @@ CubeLevel working_level(const CubeMap& map) {
   check(map.size() > 0, "the map has no texels");
   for (int k = 0; k < map.level_count(); ++k)
     if (map.level(k).size() == kWorkingSize) return map.level(k);
-  // No level has that size: from the smallest one that is larger, or from level 0.
+  // No level has that size: resample the smallest one that is larger, or level 0.
   int k = 0;
   while (k + 1 < map.level_count() && map.level(k + 1).size() > kWorkingSize) ++k;
   return resampled(map.level(k), kWorkingSize);
@@ -181,7 +181,8 @@ std::shared_ptr<GlossyChain> fit_glossy_chain(std::shared_ptr<const CubeMap> map
     chain->taken.insert(chain->taken.end(), light.parts.begin(), light.parts.end());
     chain->light_levels.push_back(chain->level_of(0.5f * light.light.angular_radius));
   }
-  // `left`: what is left of the map at the size of the level before, and which shares were taken.
+  // `left`: what is left of the map, at the size of the previous level. `taken`: the share taken of
+  // each light.
   CubeLevel base = source, left;
   std::optional<PaddedFaces> padded;
   std::vector<float> taken(lights.size(), 0.0f);

@@ -9,13 +9,13 @@
 namespace fastibl {
 namespace {
 
-// What a change of the method leaves is taken away by this share of the light from map to map.
+// The difference that a change of method leaves fades by this share of the light from map to map.
 constexpr double kMostFade = 0.0004;
-// It begins with no more than this share: a method that is left because it is wrong by more, under
-// light that became another, is not to stay so.
+// It begins with no more than this share: where a method is given up because it is wrong by more
+// under changed light, that error must not stay.
 constexpr double kMostRest = 0.025;
 constexpr int kFadeSize = 24;  // texels of the cube that it is part of
-constexpr int kErrorSize = 6;  // texels between those of the cubes that are usual
+constexpr int kErrorSize = 6;  // texels that lie between those of usual cubes
 
 std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& sh) {
   // A_l of the clamped cosine (π, 2π/3, π/4) times the constant of each basis function.
@@ -32,8 +32,8 @@ std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& 
 }
 
 // Linear interpolation between texels h apart is wrong by h²/12 of the second derivative on average
-// (at most by h²/8, always to the same side). Taking that from the texels leaves a third to a half
-// of the error, for one look-up all the same.
+// (at most by h²/8, always to the same side). Subtracting that from the texels leaves a third to a
+// half of the error, still with one look-up.
 CubeLevel for_interpolation(const CubeLevel& exact) {
   const int n = exact.size();
   CubeLevel result(n);
@@ -49,23 +49,23 @@ CubeLevel for_interpolation(const CubeLevel& exact) {
   return result;
 }
 
-// That it has, or is becoming.
+// The method that it has, or is becoming.
 DiffuseMethod method_of(const Irradiance& irradiance) {
   return irradiance.fading ? irradiance.fading->method : irradiance.method;
 }
 
-// Which method costs least for what it leaves wrong. On one core (Zen 4): lobes take 0.2 to 0.4 ms
-// to find anew and 1 to 1.3 ns a normal, and leave 0.4 %; a cube takes 0.2 ms to sum and 4 ns a
-// normal, and leaves 0.1 %. So the cube is for few normals; for many, lobes, and none of them where
-// nine coefficients are enough. From map to map lobes jump by up to 0.3 %, where the cube, which is
-// linear in the map, is wrong by 0.03 % of such a change: it is for light that is followed.
+// The method that costs least for the error it leaves. On one core (Zen 4), lobes take 0.2 to 0.4
+// ms to find anew and 1 to 1.3 ns a normal, and leave 0.4 %; a cube takes 0.2 ms to sum and 4 ns a
+// normal, and leaves 0.1 %. So the cube serves few normals and lobes serve many, with no lobes
+// where nine coefficients are enough. From map to map lobes jump by up to 0.3 %. The cube, which is
+// linear in the map, is wrong by 0.03 % of such a change, so it serves light that is followed.
 // A map that follows another keeps its method.
 DiffuseMethod chosen(const DiffuseChoice& choice, const Irradiance* previous) {
   if (choice.method != DiffuseMethod::automatic) return choice.method;
   if (previous && (method_of(*previous) == DiffuseMethod::irradiance_cube ||
                    method_of(*previous) == DiffuseMethod::sh9_lobes))
     return method_of(*previous);
-  constexpr int kFewNormals = 50000;  // where 4 ns each cost as much as lobes do to find
+  constexpr int kFewNormals = 50000;  // where 4 ns each cost as much as finding lobes
   const bool few = choice.evaluations > 0 && choice.evaluations <= kFewNormals;
   return few || choice.follows ? DiffuseMethod::irradiance_cube : DiffuseMethod::sh9_lobes;
 }
@@ -136,8 +136,8 @@ double mean_of_magnitudes(const std::vector<glm::vec3>& values) {
   return sum / 3 / double(values.size());
 }
 
-// `target` after `previous`, which was by another method or is still fading: with what is left of
-// the difference.
+// `target` plus what is left of its difference from `previous`, which was by another method or is
+// still fading.
 Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance target,
                  const Irradiance& previous) {
   const FadingIrradiance* last = previous.fading.get();
@@ -156,7 +156,7 @@ Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance targe
       fading.rest[i] = before[i] + fading.weight * fading.rest[i] - light[i];
     fading.method = target.method, fading.settings = target.settings, fading.weight = 1;
   }
-  // The light by the rest.
+  // The light divided by the rest.
   const double ratio = mean_of_magnitudes(light) / std::max(mean_of_magnitudes(fading.rest), 1e-30);
   fading.weight = float(std::min(double(fading.weight), kMostRest * ratio) - kMostFade * ratio);
   if (!(fading.weight > 0)) return target;
@@ -171,7 +171,7 @@ Irradiance faded(const CubeMap& radiance, const FoldedMap& map, Irradiance targe
   result.method = DiffuseMethod::irradiance_cube;
   result.settings.size = kFadeSize, result.settings.source = kSumSize;
   result.cube = std::make_shared<const CubeLevel>(for_interpolation(cube));
-  result.lobes = target.lobes;  // which those of the next map start from
+  result.lobes = target.lobes;  // from which those of the next map start
   result.fading = std::make_shared<const FadingIrradiance>(std::move(fading));
   return result;
 }

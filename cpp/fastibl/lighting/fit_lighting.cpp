@@ -19,7 +19,7 @@ GlossySettings resolved(GlossyMethod method, GlossySettings settings) {
   return settings;
 }
 
-// Finer than what methods sum: small lights lie elsewhere in the texels of a coarse level.
+// Finer than what methods sum, as small lights lie elsewhere in a coarse level's texels.
 constexpr int kErrorSumSize = 128;
 
 }  // namespace
@@ -31,7 +31,7 @@ bool reads_chain(GlossyMethod method) {
 
 namespace {
 
-// Of a light: that of the near light it belongs to, else of the wall behind it.
+// For a light: that of the near light it belongs to, or else of the wall behind it.
 float inverse_distance(const Lighting& lighting, glm::vec3 direction) {
   const float own = lighting.near_lights.inverse_distance(direction);
   if (own > 0 || !lighting.box) return own;
@@ -56,7 +56,7 @@ void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pr
   check(lighting.radiance != nullptr, "the lighting has no map");
   const CubeLevel source = working_level(*lighting.radiance);
   std::vector<FoundLight> lights;
-  // Of the same map nothing fades: no map may come that would end it.
+  // With the same map nothing fades, as no later map may come to end the fading.
   if (previous && previous->map != lighting.radiance) {
     const CubeLevel level = working_level(*previous->map);
     const LightsBefore before{previous->lights, level};
@@ -100,7 +100,7 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.glossy_settings = resolved(lighting.glossy, options.glossy_settings);
   lighting.normalization = options.normalization;
   if (options.irradiance) {
-    // The same map is fitted anew: it gives the same result again.
+    // The same map is fitted anew, so that it gives the same result again.
     const bool moved = previous && previous->radiance != radiance;
     const FoldedMap map = fold(*radiance, kSumSize);
     lighting.irradiance = fit_irradiance(

@@ -13,12 +13,12 @@ namespace {
 
 constexpr int kNodes = 12,
               kCandidates = 8;  // cube sizes: where the fit is judged, where lobes start
-constexpr int kUsual = 8;       // lobes that are found unasked, at most
+constexpr int kUsual = 8;       // at most this many lobes are found unasked
 constexpr int kColdSteps = 2, kLastSteps = 4, kWarmSteps = 2;
 constexpr int kWeighings = 2;
-constexpr float kWorse = 1.5f;  // the share that is left, by that of the frame before, at which
+constexpr float kWorse = 1.5f;  // the share that is left, relative to the frame before's, at which
 constexpr float kWorseAtLeast = 0.05f;  // the lobes are searched anew
-constexpr double kTwoColours = 1.05;  // what one colour leaves more than many before there are two
+constexpr double kTwoColours = 1.05;  // two colours if one leaves more than this times what many do
 
 // Half the sphere: an octant's nodes and their images in x, y and z.
 struct Nodes {
@@ -50,7 +50,7 @@ const Nodes& nodes() {
 
 // A lobe of axis v, a = |v|, less its nine coefficients, is even in c = n·v:
 // ½|c| − (3/32) a − (15/32) c²/a. Its derivative by v: (½ sign c − (15/16) c/a) n +
-// ((15/32) c²/a³ − (3/32)/a) v. Rows are times the root of the weights.
+// ((15/32) c²/a³ − (3/32)/a) v. Rows are multiplied by the root of the weights.
 FASTIBL_CLONES
 void fill_rows(const float* x, const float* y, const float* z, const float* root, int count,
                const float* v, float* __restrict value, float* __restrict dx, float* __restrict dy,
@@ -89,8 +89,8 @@ double product(const std::vector<float>& a, const std::vector<float>& b) {
   return p;
 }
 
-// Values of unit lobes at the candidates, rows over the nodes times the root of their weights, and
-// their squared norms.
+// Values of unit lobes at the candidates, as rows over the nodes times the root of their weights,
+// and the rows' squared norms.
 struct Candidates {
   std::vector<glm::vec3> axes;
   std::vector<float> rows;
@@ -119,7 +119,7 @@ const Candidates& candidates() {
   return *made;
 }
 
-// Levenberg and Marquardt on the axes, for one channel. The sign of amplitudes needs no care: an
+// Levenberg–Marquardt on the axes, for one channel. The sign of an amplitude needs no care: its
 // axis turns round, and lobes are even.
 class AxisFit {
  public:
@@ -135,7 +135,7 @@ class AxisFit {
     axes_ = std::move(axes);
     evaluate();
   }
-  // Adds the lobe that takes most of what is left; false where none takes any.
+  // Adds the lobe that removes most of what is left; false if none removes any.
   bool add() {
     const Candidates& c = candidates();
     const int stride = nodes().stride;
@@ -183,8 +183,8 @@ class AxisFit {
       }
     }
   }
-  // From least squares towards least mean error, which is what the eye sees of it and what the
-  // benchmarks state: nodes that are off by more weigh less. Scales rows the same way.
+  // Moves from least squares towards least mean error, which is what the eye sees and what the
+  // benchmarks state: nodes with a larger error weigh less. Scales `rows` in the same way.
   void weigh_by_error(std::array<std::vector<float>, 3>& rows) {
     constexpr float kSoft = 0.25f;  // of the mean error, where weights stop growing
     const std::size_t count = std::size_t(nodes().count);
@@ -203,7 +203,7 @@ class AxisFit {
     }
     evaluate();
   }
-  // Takes out lobes that have next to no light.
+  // Removes lobes that have next to no light.
   void drop_dark() {
     float longest = 0;
     for (const glm::vec3& a : axes_) longest = std::max(longest, glm::length(a));
@@ -212,7 +212,7 @@ class AxisFit {
     axes_.erase(std::remove_if(axes_.begin(), axes_.end(), dark), axes_.end());
     if (axes_.size() != before) evaluate();
   }
-  // Of unit length lobes: rows over the nodes.
+  // Rows over the nodes of the lobes at unit length.
   std::vector<std::vector<float>> unit_rows() const {
     std::vector<std::vector<float>> rows(axes_.size());
     for (std::size_t k = 0; k < axes_.size(); ++k) {
@@ -246,7 +246,8 @@ class AxisFit {
   double cost_ = 0;
 };
 
-// What nine coefficients leave of the irradiance: RGB rows over the nodes, times root weights.
+// What nine coefficients leave of the irradiance, as RGB rows over the nodes times the root of the
+// weights.
 using Rows = std::array<std::vector<float>, 3>;
 
 Rows rows_left(const FoldedMap& map, const std::array<glm::vec3, 9>& c) {
@@ -265,7 +266,7 @@ Rows rows_left(const FoldedMap& map, const std::array<glm::vec3, 9>& c) {
   return rows;
 }
 
-// The colour that most of it has: first eigenvector of the 3 × 3 moments, by squaring them.
+// The main colour of the rows: the first eigenvector of the 3 × 3 moments, by squaring them.
 glm::vec3 main_colour(const Rows& rows) {
   glm::dmat3 m;
   for (int i = 0; i < 3; ++i)
@@ -282,7 +283,7 @@ glm::vec3 main_colour(const Rows& rows) {
   return glm::vec3(glm::normalize(colour));
 }
 
-// Normal equations of amplitudes for unit lobes.
+// Normal equations for the amplitudes of unit lobes.
 struct Amplitudes {
   std::size_t count;
   std::vector<double> gram;      // count × count
@@ -310,7 +311,7 @@ struct Amplitudes {
 
 constexpr int kSweeps = 60;  // of coordinate descent, for sums that may not be negative
 
-// Each lobe its own colour.
+// Gives each lobe its own colour.
 std::vector<glm::dvec3> free_colours(const Amplitudes& m) {
   std::vector<glm::dvec3> a(m.count, glm::dvec3(0));
   for (int sweep = 0; sweep < kSweeps; ++sweep)
@@ -335,7 +336,7 @@ struct Coloured {
   }
 };
 
-// Amplitudes and colours in turn, from a start.
+// Fits amplitudes and colours in turn, from a start.
 void improve(Coloured& c, const Amplitudes& m) {
   constexpr int kTurns = 8;
   for (int turn = 0; turn < kTurns; ++turn) {
@@ -376,7 +377,7 @@ Coloured one_colour(const Amplitudes& m, glm::dvec3 colour) {
   return c;
 }
 
-// The lobes on either side of their mean colour, along the axis on which they differ most.
+// Groups the lobes by their side of the mean colour, along the axis on which they differ most.
 Coloured two_colours(const Amplitudes& m, const std::vector<glm::dvec3>& each) {
   glm::dvec3 mean(0);
   for (const glm::dvec3& a : each) mean += a;
@@ -418,7 +419,7 @@ Lobes coloured(const AxisFit& fit, const Rows& rows, glm::vec3 colour, bool keep
   return lobes;
 }
 
-// Of light over `scale`.
+// For light divided by `scale`.
 std::vector<glm::vec3> previous_axes(const Lobes& lobes, glm::vec3 colour, float scale) {
   std::vector<glm::vec3> axes;
   for (int k = 0; k < lobes.count(); ++k) {
@@ -434,8 +435,8 @@ Lobes fit_lobes(const FoldedMap& map, const std::array<glm::vec3, 9>& polynomial
                 const LobesOptions& options) {
   Rows rows = rows_left(map, polynomial);
   double mean = (polynomial[0].x + polynomial[0].y + polynomial[0].z) / 3.0;
-  // Of light with a mean of about 1: squares of the dimmest maps' are no floats. A power of two
-  // rounds nothing.
+  // Scales the light to a mean of about 1: squares of the dimmest maps' light underflow. A power of
+  // two rounds nothing.
   const float scale = mean > 0 ? std::ldexp(1.0f, std::ilogb(mean)) : 1.0f;
   mean /= scale;
   for (auto& row : rows)
@@ -443,7 +444,7 @@ Lobes fit_lobes(const FoldedMap& map, const std::array<glm::vec3, 9>& polynomial
   double norm = 0;
   for (const auto& row : rows) norm += product(row, row);
   const int most = options.count < 0 ? kUsual : std::min(options.count, kMostLobes);
-  // RMS over RGB by the mean: below this there is nothing but rounding.
+  // RMS over RGB divided by the mean: below the limit there is nothing but rounding.
   const auto rms = [&](double square) { return std::sqrt(square / 3) / std::max(mean, 1e-300); };
   if (most == 0 || !(rms(norm) > 1e-5)) return {};
   const double enough = options.count < 0 ? double(options.error) : 0;

@@ -9,14 +9,14 @@
 namespace fastibl {
 namespace {
 
-// Faces of each level, twice as wide as GlossyChain::kSizes: a standard deviation is 3.6 texels from
+// Face sizes of the levels, twice GlossyChain::kSizes: a standard deviation is 3.6 texels from
 // level 2 on.
 constexpr int kSizes[GlossyChain::kLevelCount] = {0, 128, 128, 64, 32, 16, 8, 4};
 
 }  // namespace
 
 std::shared_ptr<GlossyChain> fit_prefiltered_chain(std::shared_ptr<const CubeMap> map) {
-  // Spherical harmonics come with the plain chain; its lobes give way to exact ones.
+  // Spherical harmonics come with the plain chain; its lobes are replaced by exact ones.
   auto chain = std::make_shared<GlossyChain>(*fit_glossy_chain(map, working_level(*map), {}));
   chain->exact = true;
   std::vector<PrefilterLevel> levels;

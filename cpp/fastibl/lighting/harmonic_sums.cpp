@@ -25,7 +25,7 @@ FASTIBL_BY_WIDTH(void add_products(const float* values, const float* weights, in
                                    float* sums),
                  add_products_by<V>(values, weights, count, sums))
 
-// Of a pattern's texels times their weights.
+// Sum of a pattern's texels times their weights.
 glm::dvec3 sum_pattern(const FoldedMap& map, std::size_t pattern,
                        const std::vector<float>& weights) {
   glm::dvec3 result(0);
@@ -39,12 +39,12 @@ glm::dvec3 sum_pattern(const FoldedMap& map, std::size_t pattern,
 
 }  // namespace
 
-// One with itself under every mirror image of z, so that only the first pattern is lit.
+// The z axis is its own image under every mirror, so only the first pattern counts.
 glm::dvec3 plane_irradiance(const FoldedMap& map) {
   const OctantGrid& g = *map.grid;
   double weight = 0;
   for (const float projected : g.projected) weight += 4 * double(projected);
-  // Weights are divided by their sum: a constant map gives π.
+  // Weights are divided by their sum, so that a constant map gives π.
   const glm::dvec3 even = std::numbers::pi / weight * sum_pattern(map, 0, g.projected);
   return glm::max(0.5 * (even + map.vector[2]), glm::dvec3(0));
 }

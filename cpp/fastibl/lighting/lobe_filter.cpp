@@ -16,7 +16,7 @@ struct Texel {
   int face, x, y;  // face < 0: nothing is there
 };
 
-// What lies at (x, y) of a face with its margin: past an edge, the texel of the neighbour at the
+// The texel at (x, y) of a face with its margin. Past an edge it is the neighbour's texel at the
 // same place along the edge and as deep.
 Texel padded_texel(int face, int x, int y, int n) {
   const bool out_x = x < 0 || x >= n, out_y = y < 0 || y >= n;

@@ -70,7 +70,7 @@ void spread_largest(std::vector<float>& values, int n) {
   }
 }
 
-// Σ ω |L − mean| over all texels below: bounded by the sum of the steps from level to level.
+// A bound of Σ ω |L − mean| over all texels below: the sum of the steps from level to level.
 std::vector<float> unevenness(const QuadtreeLevel& coarse, const QuadtreeLevel& fine,
                               const std::vector<float>& below) {
   const int n = coarse.size, m = fine.size;
@@ -92,8 +92,8 @@ std::vector<float> unevenness(const QuadtreeLevel& coarse, const QuadtreeLevel& 
   return result;
 }
 
-// The largest of all images, and more where light is concentrated: errors of many texels average
-// out, that of a lone sun does not.
+// Takes the largest of all images, and more where light is concentrated: errors of many texels
+// average out, but that of a lone sun does not.
 void set_unevenness(QuadtreeLevel& level, std::vector<float> uneven) {
   double mean = 0;
   for (const float u : uneven) mean += double(u) / double(uneven.size());
@@ -103,8 +103,9 @@ void set_unevenness(QuadtreeLevel& level, std::vector<float> uneven) {
   level.unevenness = std::move(uneven);
 }
 
-// Flux of every texel; unevenness times √ω; both by the mean, the largest of all images. Dark
-// texels count like the mean, because the lobe's integral over them scales every result.
+// Sets every texel's flux, and its unevenness times √ω: both relative to the mean, and the largest
+// of all images. Dark texels count like the mean, because the lobe's integral over them scales
+// every result.
 void set_light(QuadtreeLevel& level, std::vector<float> uneven, float mean) {
   const std::size_t count = std::size_t(level.size) * level.size;
   level.flux.resize(6 * count);
@@ -128,7 +129,7 @@ glm::vec3 in_face(glm::vec3 d, int face) {
           glm::dot(d, face_direction(face, 0.5f, 1) - major), glm::dot(d, major)};
 }
 
-// Steps of the lobe's table that a texel and a group of directions can be off by.
+// How many steps of the lobe's table a texel and a group of directions can be off.
 int reach_in_steps(const LobeTable& lobe, float angle) {
   return int(lobe.steps * angle * 0.70710678f) + 1;  // dr/dθ ≤ 1/√2
 }
@@ -148,7 +149,7 @@ Fate fate(const LobeTable& lobe, const QuadtreeLevel& level, std::size_t texel, 
                       : high < lobe.steepest ? lobe.slope[std::size_t(high)]
                                              : lobe.slope[std::size_t(lobe.steepest)];
   // In an even part of the map the lobe's height at the mean direction stands for its mean over the
-  // texel: off by the second derivative times ω/12.
+  // texel. This is off by the second derivative times ω/12.
   const float curved = lobe.slope[std::size_t(lobe.steepest)] / 12 * level.angle[texel];
   return slope * (level.unevenness[image] + curved * level.flux[image]) <= limits.unevenness
              ? Fate::keep
@@ -201,7 +202,7 @@ CubeQuadtree::CubeQuadtree(std::shared_ptr<const CubeMap> map, int finest) {
     QuadtreeLevel level;
     level.size = map_->level(k).size();
     level.radiance = &map_->level(k);
-    // In the middle of a face, where texels are widest: half a diagonal.
+    // Half a diagonal in the middle of a face, where texels are widest.
     level.reach = std::atan(1.4142136f / float(level.size));
     if (k == 0) {
       set_finest(level);

@@ -9,7 +9,7 @@
 namespace fastibl {
 namespace {
 
-// Constants of a lobe: for ggx a = α² and b = (1 − α²)/(2α²); else a the exponent.
+// Constants of a lobe: for ggx a = α² and b = (1 − α²)/(2α²); otherwise a is the exponent.
 struct Shape {
   float a, b;
 };
@@ -38,9 +38,9 @@ FASTIBL_INLINE void evaluate(const Shape& shape, const V& t, V& height, V& secon
   }
 }
 
-// One part of texels. The mean over a texel of solid angle ω has half the second derivative times
-// the variance of t more than the height at the mean direction, and that variance is sin²θ ω/12 =
-// t (2 − t) ω/12.
+// One part of the texels. The mean over a texel of solid angle ω exceeds the height at the mean
+// direction by half the second derivative times the variance of t, which is
+// sin²θ ω/12 = t (2 − t) ω/12.
 template <LobeModel model, typename V>
 FASTIBL_INLINE void set_part(const Shape& shape, const SixteenDirections& d, const SeenTexel* texel,
                              std::size_t count, float* weights, float* totals) {
@@ -52,7 +52,8 @@ FASTIBL_INLINE void set_part(const Shape& shape, const SixteenDirections& d, con
       const SeenTexel& s = texel[i];
       const V dx = ox - s.x, dy = oy - s.y, dz = oz - s.z;
       const V given = s.deficit + 0.5f * (dx * dx + dy * dy + dz * dz);
-      // Below the horizon and beyond its reach the height is 0; there t is set where all is finite.
+      // Below the horizon and beyond its reach the height is 0; there t is set to where all is
+      // finite.
       const V t = given < 0.9999f ? given : V{} + 0.9999f;
       V height, second;
       evaluate<model>(shape, t, height, second);

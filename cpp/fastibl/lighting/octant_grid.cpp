@@ -11,7 +11,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLeast = 16;       // texels along an edge that sums are taken over, at least
+constexpr int kLeast = 16;       // at least this many texels along an edge are summed over
 constexpr int kVectorSize = 64;  // a linear gradient in the map is right within 1e-4 from here on
 
 OctantGrid make_grid(int size) {
@@ -83,7 +83,7 @@ void fold_into(FoldedMap& folded, const CubeLevel& level) {
 
 constexpr int kRowSums = 24;  // eight texels of three channels at once
 
-// Adds a row of texels times two weights each, and the first sum times t, the row's place on the
+// Adds a row of texels, each times two weights, and the first sum times t, the row's place on the
 // face. sums: kRowSums of each.
 FASTIBL_CLONES
 void add_row(const float* row, const float* weights, const float* moments, int count, float t,
@@ -106,7 +106,7 @@ void add_row(const float* row, const float* weights, const float* moments, int c
 }
 
 // Weights of a face's texels for add_row: solid angle over the distance, and that times s in
-// [−1, 1]; three of each, one a channel.
+// [−1, 1]; three of each, one per channel.
 struct VectorWeights {
   std::vector<float> weights, moments;
 

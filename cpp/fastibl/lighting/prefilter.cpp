@@ -133,7 +133,7 @@ struct Weights {
       seen.clear();
       for (std::size_t i = run.first; i < run.first + run.count; ++i) {
         const std::uint32_t k = choice.texels[i];
-        // The finest texels count with their middle, as in a sum over the map.
+        // The finest texels count by their middle, as in a sum over the map.
         seen.push_back({level.x[k], level.y[k], level.z[k], level.deficit[k], level.angle[k],
                         run.level > 0 ? level.angle[k] : 0});
       }
@@ -142,9 +142,9 @@ struct Weights {
   }
 };
 
-// A texel on a plane of symmetry is the image of itself: its sums, which differ by the error where
-// the choice of texels is lopsided, are averaged, so that a turned map gives the turned result. A
-// lobe that meets no texel, for it lies between them, is a mirror.
+// A texel on a plane of symmetry is its own image. Its sums, which differ by the error where the
+// choice of texels is lopsided, are averaged, so that a turned map gives the turned result. A lobe
+// that meets no texel, because it lies between them, becomes a mirror.
 void write(const Block& block, const CubeMap& map, int size, std::span<const SymmetricTexel> sums,
            const float* totals, const std::array<CubeSymmetry, kCubeSymmetries>& symmetries,
            std::vector<glm::vec3>& faces) {
@@ -171,7 +171,7 @@ void write(const Block& block, const CubeMap& map, int size, std::span<const Sym
   }
 }
 
-// The map at another size, where it can be one of its levels.
+// The map at another size; one of its own levels where possible.
 CubeMap resized(const CubeMap& map, int size) {
   if (size == map.size()) return map;
   for (int k = 1; k < map.level_count(); ++k) {
@@ -190,7 +190,7 @@ CubeMap resized(const CubeMap& map, int size) {
 CubeMap convolve(const CubeQuadtree& tree, SymmetricValues& values, const Lobe& lobe, int size,
                  double error) {
   const LobeTable table(lobe);
-  // The mean error of a level falls with the square root of the limit, because a lower one cuts
+  // The mean error of a level falls with the square root of the limit, because a lower limit cuts
   // more texels into smaller, independent parts: on seven real maps nMAE <= 3.2 % √limit on every
   // level.
   const float limit = float(600 * error * error * table.integral);
