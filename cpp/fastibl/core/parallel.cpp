@@ -27,7 +27,7 @@
 namespace fastibl {
 namespace {
 
-// A pause of a loop that waits, which the other thread of the core has meanwhile.
+// Pauses in a waiting loop, which leaves the core to its other thread meanwhile.
 inline void relax() {
 #if defined(__x86_64__) || defined(__i386__)
   _mm_pause();
@@ -42,7 +42,7 @@ struct Job {
 
   const std::function<void(int, int)>* body;
   int count, grain;
-  std::atomic<std::int64_t> next{0};  // beyond count by a grain a thread
+  std::atomic<std::int64_t> next{0};  // may exceed count by a grain per thread
   std::mutex failure_mutex;
   std::exception_ptr failure;
 
@@ -60,7 +60,7 @@ struct Job {
   }
 };
 
-// How long the end of a loop is looked out for before its caller sleeps: being woken takes as long.
+// How long the caller watches for the end of a loop before it sleeps: being woken takes as long.
 constexpr std::chrono::microseconds kPatience{50};
 
 class Pool {
@@ -81,7 +81,7 @@ class Pool {
   }
   int size() const { return int(workers_.size()) + 1; }
 
-  // Waits for those who came to help, not for those who are still waking.
+  // Waits for the helpers that have joined, not for those that are still waking.
   void run(Job& job) {
     const int helpers = std::min(int(workers_.size()), (job.count - 1) / job.grain);
     {
@@ -122,7 +122,7 @@ class Pool {
   }
 
   std::vector<std::thread> workers_;
-  std::mutex mutex_;  // what follows changes under it alone
+  std::mutex mutex_;  // what follows is changed only under it
   std::condition_variable wake_, idle_;
   Job* job_ = nullptr;
   int open_ = 0;                  // helpers that are still wanted
@@ -130,12 +130,12 @@ class Pool {
   bool stop_ = false;
 };
 
-// Of the pool and its size. One loop at a time: a second caller runs its loop alone.
+// Guards the pool and its size. One loop runs at a time: a second caller runs its loop alone.
 std::mutex pool_mutex;
-std::atomic<int> wanted = 0;  // threads; 0: one a core
+std::atomic<int> wanted = 0;  // threads; 0: one per core
 Pool* pool = nullptr;  // of the first loop; left at the end of a process, where joining can hang
 
-// That this process may use; of the machine where it cannot be told.
+// Cores that this process may use; those of the machine if that is unknown.
 int usable_cores() {
 #if defined(__linux__)
   cpu_set_t allowed;
@@ -151,8 +151,8 @@ int size() {
 }
 
 #if defined(__unix__) || defined(__APPLE__)
-// A forked process has none of the threads, and whoever held the mutex is not there: its first loop
-// starts its own.
+// A forked process has none of the threads, nor the one that held the mutex: its first loop starts
+// its own pool.
 void forget_pool() { new (&pool_mutex) std::mutex, pool = nullptr; }
 [[maybe_unused]] const int at_fork = pthread_atfork(nullptr, nullptr, forget_pool);
 #endif

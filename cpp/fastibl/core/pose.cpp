@@ -68,7 +68,7 @@ bool is_rotation(const glm::dmat3& r, double tolerance) {
   const glm::dmat3 off = departure(r);
   double sum = 0;
   for (int c = 0; c < 3; ++c)
-    for (int row = 0; row < 3; ++row) sum += off[c][row];  // none of a NaN is less
+    for (int row = 0; row < 3; ++row) sum += off[c][row];  // a NaN is never less
   return sum < tolerance && glm::determinant(r) > 0;
 }
 
@@ -99,7 +99,7 @@ glm::dvec3 rotation_vector(const glm::dmat3& r) {
   const double sine = glm::length(axis), angle = std::atan2(sine, cosine);
   if (cosine < -1.9) {
     // Near half a turn the axis is lost in the difference; R + Rᵀ − 2 cos I is (2 − 2 cos) u uᵀ,
-    // whose longest column is the axis but for its sign.
+    // whose longest column is the axis up to its sign.
     int longest = 0;
     for (int c = 1; c < 3; ++c)
       if (r[c][c] > r[longest][longest]) longest = c;
