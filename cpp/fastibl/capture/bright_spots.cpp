@@ -6,14 +6,15 @@
 namespace fastibl {
 namespace {
 
-constexpr int kColumns = 80;  // about as many blocks a row: window bars of a degree part nothing
-constexpr int kSamples = 2;   // pixels read of a block along each edge
+constexpr int kColumns = 80;  // blocks a row, about: window bars of a degree part nothing
+constexpr int kSamples = 2;   // pixels read along each edge of a block
 constexpr int kLeastBlocks = 3;
-// Of white: thresholds between these can be told from noise, and from a block that is half white.
+// Shares of white: thresholds between these can be told from noise and from a block that is half
+// white.
 constexpr double kLeastLinear = 0.003, kMostLinear = 0.4;
 
 struct Spot {
-  glm::dvec3 sum{0};  // of directions in the camera frame, by solid angle
+  glm::dvec3 sum{0};  // of directions in the camera frame, weighted by solid angle
   double solid_angle = 0;
   int blocks = 0;
   double rows = 0;   // sum over its blocks
@@ -45,7 +46,7 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const PixelReader& pixe
     return sum / (kSamples * kSamples);
   };
 
-  // Rows of runs would do; so few pixels are bright that a flood fill costs nothing.
+  // Rows of runs would do, too, but so few pixels are bright that a flood fill costs nothing.
   std::vector<std::uint8_t> bright(std::size_t(width * height));
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {

@@ -1,4 +1,5 @@
-// The scale of cameras that tell no exposure, by the board's white in pictures of another.
+// The scale of cameras that tell no exposure, found from the board's white in another one's
+// pictures.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -9,10 +10,11 @@ namespace fastibl {
 namespace {
 
 constexpr double kLeastSeen = 0.25;  // of the sky, by what it lights: with less, little is known
-constexpr double kLessUnseen = 2.0 / 3;  // of that, before the white is asked again,
+constexpr double kLessUnseen = 2.0 / 3;  // left of the unseen part before the white is asked again,
 constexpr double kAllSeen = 0.98;        // until so much was seen: after that the light may change
-// ln: what is off by less stays, where all of the sky was seen and where nothing was. The first
-// picture is seldom further off, and what was not seen is filled as the white says in any case.
+// ln: a scale that is off by less stays. kGood is for a sky that was seen whole, kGuess for one
+// that was not seen. The first picture is seldom further off, and what was not seen is filled as
+// the white says in any case.
 constexpr double kGood = 0.1, kGuess = 0.75;
 
 double grey(const glm::dvec3& light) { return (light.x + light.y + light.z) / 3; }
@@ -61,8 +63,8 @@ void Capture::know_scale(int first) {
   std::replace(scales_.begin(), scales_.end(), first, kOwnScale);
 }
 
-// What was not seen of the sky is taken to be as bright as what was: the more was seen, the better
-// the scale is known, so that the white is asked again whenever there is more.
+// The unseen sky is taken to be as bright as the seen part. The more was seen, the better the scale
+// is known, so the white is asked again whenever more was seen.
 void Capture::mend_scale(std::vector<int>& changed) {
   if (prior_ || boost_.any() || scaled_at_ > kAllSeen) return;
   double known = 0, assumed = 0, seen = 0, sky = 0;

@@ -15,28 +15,28 @@ namespace {
 
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
 constexpr std::size_t kCameras = 4;    // that are remembered, those used last
-// Seconds over which new values of unseen tiles are spread, and the least share that a picture
-// makes: what is not seen is a guess, and follows when there is time.
+// Seconds over which new values of unseen tiles are spread, and the least share that one picture
+// makes: unseen tiles hold a guess, which follows when there is time.
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 12;
 constexpr double kMeterPause = 0.1;  // seconds between readings of the board's white
-constexpr int kPicturesPerFill = 2;  // between looks at what such values should be
-constexpr float kOtherScale = 0.5f;  // share by which a prior map's brightness moves at once
+constexpr int kPicturesPerFill = 2;  // between updates of what unseen tiles should hold
+constexpr float kOtherScale = 0.5f;  // change of a prior map's brightness that is shown at once
 constexpr float kFarther = 2, kFartherBy = 0.3f;  // metres: from there a wide picture tells less
-constexpr double kRimOfLight = 0.25;              // of the radiance of a light: at the rim of one
+constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
 constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
-// Bands of rows that are taken with one pose: at 60 degrees a second and 30 ms of readout they
+// Bands of rows that share a pose: at 60 degrees a second and 30 ms of readout, neighbouring bands
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
-constexpr float kMostDrift = 0.5f;  // pictures a readout; a place that moves faster is no film's
+constexpr float kMostDrift = 0.5f;  // pictures a readout; nothing moves faster in a film
 
 }  // namespace
 
 struct Capture::View {
   const KnownCamera& known;
   const std::vector<TexelView>& texels;  // by band of rows
-  const std::vector<TexelView>& halved;  // the same of a map of half the size
+  const std::vector<TexelView>& halved;  // the same for a map of half the size
   ImageView<const std::uint8_t> mask;
   double scale;      // radiance of a linear value, without vignetting
   float light;       // linear value
@@ -61,7 +61,7 @@ Known* Capture::find_known(std::vector<Known>& all, const Camera& camera, int nu
       return &k;
     }
   camera.validate();
-  if (all.size() == kCameras) {  // a zoom makes a new one of each picture
+  if (all.size() == kCameras) {  // a zoom makes a new one for each picture
     const auto oldest = std::min_element(
         all.begin(), all.end(), [](const Known& a, const Known& b) { return a.used < b.used; });
     forgot_assumed_ |= oldest->doubt.assumed();
@@ -195,7 +195,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   bright_ = MainLightOptions{}.brightness * mean_radiance();
   std::vector<int> changed;
   bool any = false;
-  // With each side of a wide picture, and its pose.
+  // Visits each side of a wide picture, with its pose.
   const auto each_side = [&](const auto& visit) {
     for (std::size_t i = 0; i < wide->sides.size(); ++i) {
       const WideSide& side = wide->sides[i];
@@ -256,7 +256,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
     halved.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, grid_.size / 2);
   }
   texels.front().find_tiles(outlines_, most_pixels_);
-  if (poses.rolling()) {  // what the picture shows at any time
+  if (poses.rolling()) {  // tiles that the picture shows at any time
     std::vector<float> most;
     for (const TexelView* view : {&texels[kBands / 2], &texels.back()}) {
       view->find_tiles(outlines_, most);
@@ -373,12 +373,12 @@ void Capture::find_bands(const std::vector<TexelView>& bands, float height) {
     const auto pixel_in = [&](int band) {
       return bands[std::size_t(band)].pixel(middle, unseen_.above(tile));
     };
-    // Comparisons that hold for no NaN.
+    // These comparisons are false for NaN.
     const auto band_of = [&](float row) {
       const float band = row / height * count;
       return band > 0 ? (band < count ? int(band) : int(count) - 1) : 0;
     };
-    // One step further from the row that half-time shows it on.
+    // One step of iteration from the row that the half-time pose shows it on.
     const int band = band_of(pixel_in(band_of(pixel_in(int(count) / 2).y)).y);
     const int other = band > 0 ? band - 1 : band + 1;
     const glm::vec2 drift = (pixel_in(other) - pixel_in(band)) * (count / float(other - band));
@@ -389,7 +389,7 @@ void Capture::find_bands(const std::vector<TexelView>& bands, float height) {
   }
 }
 
-// Moves what is not on the row whose pose it was projected with to where its own row shows it.
+// Moves texels off the row whose pose projected them to where their own row shows them.
 void Capture::unroll(const Camera& camera, const Roll& roll, int first, int count,
                      Sightings& sightings) const {
   if (roll.drift == glm::vec2(0)) return;
@@ -402,23 +402,23 @@ void Capture::unroll(const Camera& camera, const Roll& roll, int first, int coun
   }
 }
 
-// Whether the value of the tile's unseen texels is nearly what it is to be.
+// Whether the value of the tile's unseen texels is close to what it should be.
 bool Capture::is_small_refill(int tile) const {
   const glm::vec3 from = filled_[std::size_t(tile)];
   const glm::vec3 step = glm::abs(unseen_.middle(tile) - from), limit = kSmallRefill * from;
   return step.x <= limit.x && step.y <= limit.y && step.z <= limit.z;
 }
 
-// Of a tile of which any texel was seen.
+// For a tile of which any texel was seen.
 void Capture::make_levels(int tile) {
   std::vector<float> room;
   pyramids_.make(tile, shown_texels(tile, room).data());
   quiet_.place_probes(tile, pyramids_);
 }
 
-// How many tiles may get new values where they are unseen.
+// How many tiles may get new values for their unseen texels.
 int Capture::refills_after(double time, const Camera& camera) const {
-  // Pictures without times of their own are no film.
+  // Pictures without times of their own are stills, not a film.
   const bool still = time == time_ && last_camera_ == camera;
   const double share = still ? 1 : std::clamp((time - time_) / kRefillTime, kLeastRefill, 1.0);
   return int(share * grid_.count());
@@ -513,8 +513,9 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
   return s;
 }
 
-// What stands near is seen elsewhere from there: pictures of a 360° camera that is carried through
-// a room fill in what those beside the object did not see. A light whose place is known is not.
+// Near things are seen in other directions from far off: pictures of a 360° camera that is carried
+// through a room only fill in what those beside the object did not see. A light whose place is
+// known is not left out.
 void Capture::leave_out_far_tiles(float far) {
   std::erase_if(tiles_, [&](int tile) {
     const std::size_t i = std::size_t(tile);
@@ -525,7 +526,7 @@ void Capture::leave_out_far_tiles(float far) {
 }
 
 void Capture::leave_out_quiet_tiles(const View& view) {
-  // By band of rows, face and side of the horizon: groups that are seen alike.
+  // Groups that are seen alike: by band of rows, face and side of the horizon.
   std::vector<std::vector<int>> groups(12 * view.halved.size());
   for (const int tile : tiles_)
     if (quiet_.may_leave_out(tile, time_) && surroundings_.is_usual(surroundings_.depth(tile))) {
@@ -642,7 +643,7 @@ bool Capture::add_tile(const View& view, int tile) {
     any = true;
     whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
     alignas(64) float left[kTexelLanes];
-    // Times of single texels are needed where not all are seen, or not all at once.
+    // Single texels need times of their own where not all are seen, or not all at once.
     const bool once = count == r.texels() && whole && state_.last_seen.same(tile);
     merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
                   time_, once ? nullptr : state_.last_seen.texels(tile) + k,
@@ -650,7 +651,7 @@ bool Capture::add_tile(const View& view, int tile) {
     quiet_.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
-  if (view.light < 1) at_rim_[std::size_t(tile)] = rim;  // else white is no light
+  if (view.light < 1) at_rim_[std::size_t(tile)] = rim;  // otherwise white is no light
   TileSums& sums = sums_[std::size_t(tile)];
   if (whole) state_.last_seen.set(tile, time_);
   relate_variances(state_, start, r.texels());

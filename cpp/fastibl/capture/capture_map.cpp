@@ -13,7 +13,7 @@ namespace fastibl {
 namespace {
 
 constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
-constexpr std::size_t kTilesAhead = 2;  // whose rows are asked for while a tile is written
+constexpr std::size_t kTilesAhead = 2;  // whose rows are prefetched while a tile is written
 constexpr float kMovedBoost = 0.02f;    // share by which factors move before maps show it
 
 bool moved(const glm::vec3& from, const glm::vec3& to) {
@@ -21,7 +21,7 @@ bool moved(const glm::vec3& from, const glm::vec3& to) {
   return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
 }
 
-// Rows of `width` texels as the map has them, its rows `stride` floats apart.
+// Writes rows of `width` texels as the map has them, with rows `stride` floats apart.
 FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
                                std::ptrdiff_t stride, float* __restrict map) {
   const float *r = channels[0], *g = channels[1], *b = channels[2];
@@ -124,13 +124,13 @@ void Capture::boost_lights(std::vector<int>& shown) {
     bounds += sum_bounds(state_, start, tile_rect(grid_, tile).texels(), &projected_[start]);
     shown.push_back(tile);
   }
-  // What was not seen may be as much brighter, or not there.
+  // The unseen light may be brighter by as much again, or not there.
   const glm::dvec3 unseen = unseen_.sky_irradiance(sums_, tile_projected_),
                    unsure = kMeterDeviation * *plane_irradiance_;
   const LightBoost boost =
       boost_of(bounds, *plane_irradiance_ - seen_sky_irradiance() - unseen,
                glm::sqrt(unseen * unseen + unsure * unsure), options_.most_boost);
-  // No light is counted twice: the rest of it may be in what was not seen.
+  // No light is counted twice: only the rest may be in what was not seen.
   unseen_.measure_plane(*plane_irradiance_ - added(boost, bounds), unsure);
   if (moved(boost_.whole, boost.whole) || moved(boost_.part, boost.part))
     boost_ = boost;

@@ -21,7 +21,7 @@ constexpr std::uint32_t kValue = (1u << CodeTable::kCountShift) - 1;
 
 constexpr int kRowsAhead = 4;
 
-// Sums over 2 × 2 of three channels; the fourth number stays as it is.
+// Sums over 2 × 2 pixels of three channels; the fourth number stays as it is.
 void sum_pairs(const std::uint32_t* table, const std::uint8_t* a, const std::uint8_t* b, int pairs,
                std::uint32_t* sums) {
   for (int x = 0; x < pairs; ++x, a += 6, b += 6, sums += 4)
@@ -29,7 +29,7 @@ void sum_pairs(const std::uint32_t* table, const std::uint8_t* a, const std::uin
       sums[c] = (table[a[c]] + table[a[c + 3]]) + (table[b[c]] + table[b[c + 3]]);
 }
 
-// False where a pixel is clipped.
+// False if any pixel is clipped.
 FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixels) {
   using Ints [[gnu::vector_size(16)]] = std::int32_t;
   const Float4 scale = {kScale, kScale, kScale, 0};
@@ -45,8 +45,8 @@ FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixel
 }
 
 #ifdef FASTIBL_BYTE_SHUFFLES
-// The table of 256 codes as three planes of bytes in registers: four shuffles look up 64 codes.
-// Four outputs at a time; returns how many were made, or −1 if a pixel is clipped.
+// Holds the table of 256 codes as three planes of bytes in registers: four shuffles look up 64
+// codes. Makes four outputs at a time; returns how many were made, or −1 if a pixel is clipped.
 __attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_codes(
     const std::uint8_t* planes, int clipped_code, const std::uint8_t* a, const std::uint8_t* b,
     int pairs, float* pixels, std::uint32_t* clipped) {
@@ -66,14 +66,14 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_co
     for (int q = 0; q < 4; ++q) t[p][q] = _mm512_loadu_si512(planes + 256 * p + 64 * q);
   const __m512 scale = _mm512_set1_ps(kScale);
   const __m512i fields = _mm512_set4_epi32(0, 2 * kCountBits, kCountBits, 0);
-  // A camera's picture lies in memory that no core has read: rows to come are asked for early.
+  // A camera's picture lies in memory that no core has read yet, so coming rows are prefetched.
   const std::uint8_t* ahead = a + kRowsAhead * (b - a);
   constexpr __mmask64 used = (1u << 24) - 1;  // bytes of a row, for four outputs
   constexpr int kTogether = 64;
   const int groups = pairs / 4;
   for (int first = 0; first < groups; first += kTogether) {
     const int count = std::min(groups - first, kTogether);
-    __mmask64 over[kTogether], any = 0;  // looked at later: branches wait for no look-up
+    __mmask64 over[kTogether], any = 0;  // looked at later, so that no branch waits for a look-up
     for (int i = 0; i < count; ++i, a += 24, b += 24, ahead += 48, pixels += 16) {
       const __m512i codes = _mm512_permutex2var_epi8(_mm512_maskz_loadu_epi8(used, a), gather,
                                                      _mm512_maskz_loadu_epi8(used, b));
@@ -82,8 +82,8 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_co
       any |= over[i];
       const __mmask64 upper = _mm512_movepi8_mask(codes);
       __m512i value = _mm512_setzero_si512();  // four codes' bytes at once, the highest first
-      // All shuffles, whatever the codes: a branch around half of them, for neighbours that are all
-      // dark or all bright, is mispredicted so often that it takes more time than it saves.
+      // Does all shuffles, whatever the codes: a branch around half of them, for neighbours that
+      // are all dark or all bright, is mispredicted so often that it takes more time than it saves.
       for (int p = 2; p >= 0; --p) {
         const __m512i bytes =
             _mm512_mask_mov_epi8(_mm512_permutex2var_epi8(t[p][0], codes, t[p][1]), upper,

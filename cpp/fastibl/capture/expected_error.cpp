@@ -8,13 +8,13 @@ namespace {
 
 constexpr double kLeast = 0.001;  // of a map that was seen all over: registration, footprints
 constexpr double kBound = 0.5;    // of what is only a bound
-// The same where it was made as bright as the plane says; of the square of what that added: one
-// reading does not tell where it comes from. Fitted to films with one exposure of the four places;
-// see ./dev goals capture --only boost.
+// kWeighed: the same where it was made as bright as the plane says. kBoosted: of the square of what
+// that added, as one reading does not tell where the light comes from. Fitted to films with one
+// exposure of the four places; see ./dev goals capture --only boost.
 constexpr double kWeighed = 0.2, kBoosted = 0.25;
-// Of what near things may put wrong beyond what is expected of them: in the upper end alone.
+// Of the error that near things may cause beyond what is expected of them: in the upper end alone.
 constexpr double kDoubts = 0.8;
-constexpr double kLeastOfBounds = 0.2, kMostOfBounds = 2.5;  // ends of the interval, of that
+constexpr double kLeastOfBounds = 0.2, kMostOfBounds = 2.5;  // times that: the interval's ends
 
 }  // namespace
 
@@ -30,7 +30,7 @@ ErrorInterval expected_error(const MapKnowledge& known) {
                                       : kBound * known.bound_flux;
   const double open = sure + known.parallax + known.scale, expected = open + bounds;
   const double doubt = kDoubts * known.parallax_doubt;
-  // Of its logarithm: the less is left unseen, the more it matters what that is.
+  // Spread of its logarithm: the less is unseen, the more it matters what that is.
   const double below = 1 - 0.35 * sky, above = 1 - 0.7 * sky;
   if (!known.weighed)
     return {expected, sure * std::exp(-below), expected * std::exp(above) + doubt};

@@ -8,10 +8,10 @@ namespace {
 
 constexpr double kTolerance = 0.18;    // ln: a fifth brighter or darker is nothing to wonder about
 constexpr double kUniform = 0.3;       // spread of ln within a picture that is off as a whole
-constexpr double kUsable = 0.6;        // the same of one that an exposure is read from
-constexpr double kSame = 0.15;         // ln: two pictures are off alike
-constexpr double kStays = 0.2 - 1e-6;  // seconds, and times' rounding, and
-constexpr int kPictures = 4;           // pictures: what is off as long is the place
+constexpr double kUsable = 0.6;        // the same for one that an exposure is read from
+constexpr double kSame = 0.15;         // ln: up to this, two pictures are off alike
+constexpr double kStays = 0.2 - 1e-6;  // seconds, allowing for times' rounding, and
+constexpr int kPictures = 4;           // pictures: what is off for so long is the place
 
 glm::dvec3 log_of(const PictureLevel& level, double told) {
   return glm::dvec3(std::log(level.exposure / told)) + glm::log(level.tint);
@@ -33,8 +33,8 @@ Taken ExposureDoubt::without_word(std::span<const LevelProbe> probes) {
   return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), 0, level->count};
 }
 
-// Whether pictures have been off alike for so long that it is the place. log_ratio: nothing where a
-// picture only tells that it is off.
+// Whether pictures have been off alike for so long that the place has changed. log_ratio: empty
+// where a picture only tells that it is off.
 bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double time) {
   const bool same = doubt_ && (!log_ratio || !doubt_->log_ratio ||
                                largest(*log_ratio - *doubt_->log_ratio) <= kSame);
@@ -42,7 +42,7 @@ bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double
   if (log_ratio) doubt_->log_ratio = log_ratio;
   ++doubt_->pictures;
   if (!(doubt_->pictures >= kPictures && time - doubt_->since >= kStays)) return false;
-  if (!doubt_->believed && doubt_->log_ratio) {  // else it may be a hand
+  if (!doubt_->believed && doubt_->log_ratio) {  // otherwise it may be a hand
     change_ = largest(*doubt_->log_ratio);
     flicker_ = {};  // it compared with the map as it was
     doubt_->believed = true;

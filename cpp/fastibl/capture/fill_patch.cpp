@@ -8,7 +8,7 @@
 namespace fastibl {
 namespace {
 
-// What the middle and the two sides count for at a place from -1 to 1.
+// Weights of the middle and the two sides at a place from -1 to 1.
 struct Parts {
   float left, inner, right;
   FASTIBL_INLINE explicit Parts(float at) {
@@ -17,7 +17,7 @@ struct Parts {
   }
 };
 
-// rest: of the patch's values by how much they differ from the one in the middle.
+// rest: by how much the patch's values differ from the one in the middle.
 FASTIBL_CLONES void lay_channel(float middle, const float* rest, int width, int height,
                                 const double* __restrict last_seen, float* __restrict out) {
   const float step = 2 / float(width);

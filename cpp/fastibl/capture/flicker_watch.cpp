@@ -9,16 +9,17 @@ namespace {
 
 constexpr double kMemory = 3;          // seconds
 constexpr std::size_t kMost = 12;      // pictures of an exposure that tell its swing
-constexpr std::size_t kLeast = 5;      // and that it swings
+constexpr std::size_t kLeast = 5;      // at least, to tell that it swings
 constexpr double kSameExposure = 0.2;  // ln
 constexpr double kLeastSwing = 0.03;
-constexpr double kDeviations = 3;  // of levels that a swing must stand out from
-// Share of the pictures between which a level passes the mean: a change of the place does it once,
-// noise every second time, the mains by what the rates make of it.
+constexpr double kDeviations = 3;  // of levels, by which a swing must stand out
+// Share of the pictures between which a level passes the mean: a change of the place does so once,
+// noise every second time, the mains as the rates make it.
 constexpr double kLeastPasses = 0.2;
-// Of the median distance from the mean to the swing: a few wrong exposures are no flicker.
+// Least ratio of the median distance from the mean to the swing: a few wrong exposures are no
+// flicker.
 constexpr double kLeastMiddle = 0.5;
-constexpr double kTowardsMean = 0.3;  // share of the way, by picture
+constexpr double kTowardsMean = 0.3;  // share of the way, per picture
 
 }  // namespace
 

@@ -9,15 +9,16 @@
 namespace fastibl {
 namespace {
 
-constexpr float kContrast = 2;  // of the brightest texel of a group to their mean, at its rim
+constexpr float kContrast = 2;  // ratio of a group's brightest texel to the mean, at a lamp's rim
 constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
-// A bilinear look-up on a level of pixels as large as c averages over about 1.5 c: level 0 of c = 2
-// is for footprints of 2√2 pixels along an edge. Between two levels both are read and blended in
-// the middle half of the way: footprints near a level's own are one look-up.
+// A bilinear look-up on a level with pixels of size c averages over about 1.5 c. So level 0, which
+// has c = 2, is for footprints of 2√2 pixels along an edge. In the middle half of the way between
+// two levels both are read and blended; footprints near a level's own size take one look-up.
 constexpr float kPixelsOfFirst = 8;
 constexpr float kBlendBegin = 1.41421356f, kBlendEnd = 2.82842712f;  // of 1 … 4, by area
 
-// Where texels lie on a level: the index of the upper left pixel, and the way to the next ones.
+// Where texels lie on a level: the index of the upper left pixel, and the share of the way to the
+// next ones.
 FASTIBL_CLONES void place_on_level(const float* __restrict px, const float* __restrict py,
                                    float scale, int width, int height, int lanes,
                                    int* __restrict index, float* __restrict fx,
@@ -33,7 +34,7 @@ FASTIBL_CLONES void place_on_level(const float* __restrict px, const float* __re
   }
 }
 
-// Level of each footprint, in between where two are blended.
+// Level of each footprint: fractional where two are blended.
 template <typename V>
 FASTIBL_INLINE void choose_levels_by(const float* __restrict pixels, const int* __restrict seen,
                                      int lanes, float last, float* __restrict chosen,
@@ -66,7 +67,7 @@ FASTIBL_BY_WIDTH(void choose_levels(const float* pixels, const int* seen, int la
                                     float* chosen, float* range),
                  choose_levels_by<V>(pixels, seen, lanes, last, chosen, range))
 
-// How much each footprint takes of one level.
+// The weight of one level in each footprint.
 FASTIBL_CLONES void weigh_level(const float* __restrict chosen, const int* __restrict seen,
                                 int lanes, float level, float* __restrict weights) {
   const int n = lanes & ~15;
@@ -84,13 +85,13 @@ FASTIBL_INLINE Float4 bilinear(const Float8& upper, const Float8& lower, float f
   return left + fx * (right - left);
 }
 
-// Where look-ups lie on a level, and how much of each footprint it makes.
+// Where look-ups lie on a level, and the level's weight in each footprint.
 struct LookUps {
   alignas(64) float fx[kTexelLanes], fy[kTexelLanes], weights[kTexelLanes];
   alignas(64) int index[kTexelLanes];
 };
 
-// Adds weighted look-ups of rows of pixels `stride` values apart.
+// Adds weighted look-ups in rows of pixels that lie `stride` values apart.
 FASTIBL_CLONES void add_look_ups(const float* pixels, std::ptrdiff_t stride, const LookUps& at,
                                  int count, float* rgba) {
   for (int i = 0; i < count; ++i) {
@@ -192,9 +193,9 @@ FASTIBL_CLONES void quarter(const Sightings& s, float right, float down, int lan
 
 void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samples& out);
 
-// As the mean of four quarters: footprints of neighbours then fit together, and what lies between
-// the middles of two of them is not lost. Of a lamp of 6 pixels the captured energy scatters by 4 %
-// instead of 19.
+// Samples footprints as the mean of four quarters. Those of neighbours then fit together, and what
+// lies between the middles of two of them is not lost: the captured energy of a lamp of 6 pixels
+// scatters by 4 % instead of 19.
 void sample_quarters(const FrameLevels& levels, const Sightings& s, int count, Samples& out) {
   const int lanes = lanes_of(count);
   Samples part, sum{};
@@ -266,7 +267,7 @@ void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samp
                 lanes, 1.0f / float(4 << 2 * k), share);
   };
   if (range[0] == range[1] && range[0] == std::floor(range[0]))
-    add(int(range[0]), levels.level(int(range[0])));  // places and weights are still those
+    add(int(range[0]), levels.level(int(range[0])));  // places and weights are still valid
   else
     each_level(add);
   split_clipped(share, lanes, out.clipped);

@@ -10,7 +10,8 @@
 namespace fastibl {
 namespace {
 
-// Rows of level 0 that are made at a time, with what is made of them: whole rows of every level.
+// Rows of level 0 that are made at a time, along with what is made of them: whole rows of every
+// level.
 constexpr int kStrip = 32;
 static_assert(kStrip % (1 << (FrameLevels::kMost - 1)) == 0);
 
@@ -42,7 +43,7 @@ FASTIBL_CLONES void add_counts(const std::uint32_t* __restrict a, const std::uin
   for (int x = 0; x < count; ++x) out[x] = (a[2 * x] + a[2 * x + 1]) + (b[2 * x] + b[2 * x + 1]);
 }
 
-// For the last level, whose numbers would need a bit more.
+// For the last level, whose numbers would need one more bit.
 std::uint32_t saturated_sum(const std::array<std::uint32_t, 4>& counts) {
   std::array<std::uint32_t, 3> sum{};
   for (const std::uint32_t count : counts)
@@ -86,7 +87,7 @@ void FrameLevels::make(const Picture& picture, const Response& response, int lev
   make_first(picture, response);
 }
 
-// Rows of coarser levels are made while those that they are made of are at hand.
+// Makes the rows of coarser levels while the rows that they are made of are at hand.
 void FrameLevels::made_row(int k, int y) {
   Level& level = levels_[std::size_t(k)];
   repeat_last_column(level, y);
@@ -106,7 +107,7 @@ void FrameLevels::make_first(const Picture& picture, const Response& response) {
     table_.emplace(response);
     table_response_ = response;
   }
-  // Float pictures are linear without a white point: nothing in them is clipped.
+  // Float pictures are linear and have no white point, so nothing in them is clipped.
   const float limit = picture.type == PixelType::float32
                           ? std::numeric_limits<float>::infinity()
                           : response.decode(float(response.clipped_code()) / 255.0f);

@@ -12,7 +12,7 @@ namespace {
 constexpr int kAcross = 40;              // places along the longer side of the page
 constexpr double kMargin = 0.004;        // metres of the page's border, where it may curl
 constexpr double kLeastPixels = 2.5;     // from a place to the nearest ink: more than lens blur
-constexpr std::size_t kLeastPlaces = 8;  // that tell an irradiance
+constexpr std::size_t kLeastPlaces = 8;  // needed to tell an irradiance
 constexpr double kSteepest = 0.17;       // sine of the view above the plane: paper shines below
 
 double distance_to_segment(const glm::dvec2& p, const glm::dvec2& a, const glm::dvec2& b) {
@@ -45,7 +45,7 @@ LightMeter::LightMeter(const Board& board, double albedo) : albedo_(albedo) {
   for (double y = kMargin - board.height / 2; y <= board.height / 2 - kMargin; y += step)
     for (double x = kMargin - board.width / 2; x <= board.width / 2 - kMargin; x += step)
       add({x, y}, std::numeric_limits<double>::infinity(), nullptr);
-  // White modules of the tags: large ones leave little paper around them.
+  // White modules of the tags, as large tags leave little paper around them.
   const int modules = kTagModules + 2 * board.border_bits;
   for (const Tag& tag : board.tags)
     for (int row = 0; row < kTagModules; ++row)
@@ -75,7 +75,7 @@ std::optional<glm::dvec3> LightMeter::read(const PixelReader& pixels, const Came
           pixel->y < camera.height - 1))
       continue;
     const int x = int(pixel->x), y = int(pixel->y);
-    // The plane is seen shortest along the view.
+    // The plane is foreshortened most along the view.
     const double distance = glm::length(seen), sine = eye.z / distance;
     if (place.free * sine * std::min(camera.fx, camera.fy) / distance < kLeastPixels) continue;
     if (pixels.clipped(x, y)) {

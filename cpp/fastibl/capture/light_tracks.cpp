@@ -8,13 +8,13 @@ namespace fastibl {
 namespace {
 
 constexpr std::size_t kSightings = 48, kTracks = 64;  // kept
-constexpr double kSamePlace = 0.02;  // metres between eyes: nothing new to triangulate from
+constexpr double kSamePlace = 0.02;  // metres between eyes; below, nothing new to triangulate from
 constexpr double kPose = 0.004;      // radians: of the pose and of the middle of a small spot
 constexpr double kShape = 0.05;      // of the angular radius: its outline changes with the view
-constexpr double kLikely = 0.3, kSpread = 0.5;  // 1 / m: what ρ is before anything is known of it
+constexpr double kLikely = 0.3, kSpread = 0.5;  // 1 / m: ρ before anything is known of it
 constexpr double kNearest = 5;                  // 1 / m
 constexpr double kGate = 16;  // squared standard deviations of a sighting from its track
-constexpr double kSizes = 4;  // ratio of solid angles of a sighting to the last one
+constexpr double kSizes = 4;  // ratio of a sighting's solid angle to the last one's
 constexpr int kMissed = 6;    // pictures in a row that should show a light and do not
 constexpr std::size_t kLeastSightings = 4;
 constexpr double kKnown = 0.2;  // relative standard deviation of a distance that is known
@@ -23,14 +23,14 @@ constexpr int kRounds = 4;
 
 double noise_of(double solid_angle) { return std::hypot(kPose, kShape * disc_radius(solid_angle)); }
 
-// Columns: two axes across v, and v, which is of unit length.
+// Columns: two axes across v, and v itself, which has unit length.
 glm::dmat3 frame_of(const glm::dvec3& v) {
   const glm::dvec3 other = std::abs(v.z) < 0.7 ? glm::dvec3(0, 0, 1) : glm::dvec3(1, 0, 0);
   const glm::dvec3 first = glm::normalize(glm::cross(other, v));
   return {first, glm::cross(v, first), v};
 }
 
-// Difference of two directions across the first, and its derivative by a, b and ρ.
+// Difference of two directions across the first, and its derivative with respect to a, b and ρ.
 struct Misfit {
   glm::dvec2 residual;
   glm::dmat3x2 derivative;
@@ -150,7 +150,7 @@ std::vector<LightPosition> LightTracks::positions() const {
   for (const Track& track : tracks_) {
     const double deviation = std::sqrt(track.covariance[2][2]), rho = track.inverse_distance;
     if (track.sightings.size() < kLeastSightings || !(deviation < kKnown * rho)) continue;
-    // P = c + v / ρ: along the axes of the frame, and back along v for ρ.
+    // Derivative of P = c + v / ρ: along the frame's axes, and back along v for ρ.
     const glm::dmat3 by{track.frame[0] / rho, track.frame[1] / rho, -track.v / (rho * rho)};
     const glm::dvec3 position = centre_ + track.v / rho;
     out.push_back({track.v, position, by * track.covariance * glm::transpose(by),
@@ -160,9 +160,10 @@ std::vector<LightPosition> LightTracks::positions() const {
   return out;
 }
 
-// Each counts by how well it is known: what was seen once says no more than what was likely before.
+// Each track counts by how well it is known: one seen once says no more than what was likely
+// before.
 LightTracks::Nearness LightTracks::nearness(const Surroundings& usual) const {
-  // Who gives a box knows that lights hang on its walls, as far as it is not seen otherwise.
+  // Whoever gives a box knows that lights hang on its walls, unless they are seen elsewhere.
   double sum = usual.has_box() ? 0 : kLikely - usual.usual({0, 0, 1}), weight = 1;
   for (const Track& track : tracks_) {
     const double own = kSpread * kSpread / track.covariance[2][2];

@@ -1,4 +1,4 @@
-// Lights that are near: where they are, and what the map knew of them while that was not known.
+// Near lights: where they are, and what the map knew of them while that was not known.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -10,14 +10,14 @@ namespace fastibl {
 namespace {
 
 constexpr double kInside = 0.9;  // of a picture's half width and height: what lies within is whole
-// Metres, and seconds with times' rounding: sooner there is nothing new to see.
+// Metres, and seconds less times' rounding: nearer and sooner there is nothing new to see.
 constexpr double kStep = 0.02, kPause = 0.2 - 1e-6;
 constexpr double kBlur = 0.03;     // radians around a light that it lights in the map
 constexpr double kParallax = 0.2;  // of the irradiance, for a radian between centre and camera
 constexpr double kOutline = 1.5;   // of a light's radius: a disc that holds it though it is no disc
 constexpr double kPixelBlur = 2;
 
-// A share that may be beyond numbers, as of a camera 1e200 m away: then all of it.
+// A share that may overflow, as for a camera 1e200 m away: then all of it.
 double at_most_all(double share) { return share < 1 ? share : 1; }
 
 }  // namespace
@@ -29,7 +29,7 @@ double Capture::mean_radiance() const {
     angle += sums_[i].angle;
     flux += seen.x + seen.y + seen.z + filled_flux(i);
   }
-  return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // not what is thought of the unseen
+  return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // 0, not the guess for unseen parts
 }
 
 void Capture::locate_lights(const Picture& picture, KnownCamera& known,
@@ -46,7 +46,7 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   }
   known.looked_from = eye, known.looked_at = time_;
   far_ += glm::length(eye - options_.centre), ++looks_;
-  if (!spots) return;  // near things are in doubt all the same
+  if (!spots) return;  // near things are in doubt anyway
   tracks_.add(eye, *spots, [&](const glm::dvec3& direction) {
     const auto pixel = known.lens.project(half.rotation * direction);
     return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
@@ -58,7 +58,7 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
   for (const LightPosition& light : lights) forget_light(light, moved);
 }
 
-// Lights are seldom alone in being near: what surrounds them is, too. Before the place of any is
+// Where lights are near, what surrounds them usually is, too. Before the place of any light is
 // known, what was seen of them tells a part, and the rest is doubt.
 Capture::Parallax Capture::parallax() const {
   if (looks_ == 0) return {};
@@ -75,7 +75,7 @@ Capture::Parallax Capture::parallax() const {
   return {at_most_all(by_gap * gap / double(lights.size())), 0};
 }
 
-// A light that is near hides what is far behind it, which is shown by other tiles than its own.
+// A near light hides what is far behind it, which other tiles than its own show.
 void Capture::find_hidden(const KnownCamera& known, const RowPoses& camera_from_marker) {
   hidden_.clear();
   const Pose half = camera_from_marker.at(0.5);
@@ -88,15 +88,16 @@ void Capture::find_hidden(const KnownCamera& known, const RowPoses& camera_from_
     }
     if (!pixel) continue;
     const double distance = glm::length(seen);
-    // Towards the picture's border the same angle takes more pixels.
+    // Towards the picture's border the same angle covers more pixels.
     const double slope = distance / seen.z, focal = std::max(known.camera.fx, known.camera.fy);
     const double radius = kOutline * light.radius / distance * focal * slope * slope + kPixelBlur;
     hidden_.push_back({float(pixel->x), float(pixel->y), float(radius * radius)});
   }
 }
 
-// Where the light was recorded while its place was not known, or wrong, the map shows it beside
-// itself: that is to be seen anew. Only what the picture shows is: it is seen anew at once.
+// Where the light was recorded while its place was unknown or wrong, the map shows it beside
+// itself, and that part must be seen anew. Only a light that the picture shows is forgotten, as it
+// is seen anew at once.
 void Capture::forget_light(const LightPosition& light, const std::vector<int>& moved) {
   const std::vector<LightTracks::Sight> sights = tracks_.sights(light);
   if (sights.empty()) return;

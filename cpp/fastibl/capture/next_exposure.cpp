@@ -12,10 +12,10 @@ namespace {
 constexpr int kLowest = -32;       // log2 of the first bin's radiance
 constexpr double kClipped = 0.85;  // of white: with noise and blur some pixels of a texel clip
 constexpr double kQuantum = 1 / 255.0 * 0.29;  // of 8 bit, at the bright end of an sRGB response
-// What is only a bound is taken to be up to this many stops brighter, each alike, and in the mean
-// as much brighter as half of them.
+// A bound is taken to be up to this many stops brighter, all equally likely, and on average as much
+// brighter as half of them.
 constexpr double kStops = 4;
-// What was not seen spreads around the mean: stops, and shares of the solid angle.
+// How the unseen spreads around the mean: stops, and shares of the solid angle.
 constexpr struct {
   double stops, share;
 } kUnseen[] = {{-3, 0.25}, {-1, 0.35}, {1, 0.25}, {4, 0.15}};
@@ -33,7 +33,7 @@ double deviation(double linear, double pixels) {
   return std::hypot(double(kModelNoise), std::sqrt(noise / std::max(1.0, pixels)) / linear);
 }
 
-// Of what is left after a sample.
+// The deviation that is left after a sample.
 double left(double before, double sample) { return before * sample / std::hypot(before, sample); }
 
 }  // namespace

@@ -58,8 +58,8 @@ NextView next_view(const Environment& environment, const std::optional<glm::dvec
     mean += light.back() / double(sky.size());
     next.seen += seen * t.angle / (2 * std::numbers::pi);
   }
-  // What the light of unseen parts is, is a guess: any may hold a lamp, so the mean is added. Of a
-  // black map nothing but the angle is left.
+  // The light of unseen parts is a guess: any may hold a lamp, so the mean is added. With a black
+  // map only the angle counts.
   const double more = mean > 0 ? mean : 1;
   const double all = 2 * std::numbers::pi * (mean + more);
   double best = 0, most = 0;

@@ -8,7 +8,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kRounds = 3;              // of choosing what an exposure should show
+constexpr int kRounds = 3;              // of choosing the probes that an exposure should show
 constexpr float kShown = 0.8f;          // of white: brighter parts may hold a clipped pixel
 constexpr double kMedianLoss = 1.2533;  // deviation of a median over that of a mean
 constexpr double kNormal = 1.4826;      // standard deviation over median absolute deviation
@@ -30,7 +30,7 @@ bool shows(const LevelProbe& p, double exposure) {
   return linear >= 2 * double(kDarkest) && linear <= double(kShown);
 }
 
-// ln of linear by expected; ±kFar where the picture only tells the side.
+// ln of linear over expected; ±kFar where the picture only tells the sign.
 double log_ratio(const LevelProbe& p, int channel) {
   if (p.clipped) return kFar;
   if (!(p.linear[channel] > kDarkest)) return -kFar;

@@ -13,10 +13,10 @@ namespace {
 constexpr int kProbesPerEdge = 4;
 // Relative to a sample's variance, which is at least that of misregistration.
 constexpr float kDrift = kUnsureRate * kUnsureRate / (kModelNoise * kModelNoise);  // in a second
-// By how much of the step to the next texel (of half the width) a sample may be off.
+// The share of the step to the next texel (of half the width) by which a sample may be off.
 constexpr float kOffset = 0.5f;
 
-// Neighbouring tiles take turns, two by two: work is spread over pictures, and still coherent.
+// Blocks of 2 × 2 tiles take turns: work is spread over pictures, and still coherent.
 int turn_of(const TileGrid& grid, int tile) {
   const int in_face = tile % grid.per_face();
   const int x = in_face % grid.per_edge() / 2, y = in_face / grid.per_edge() / 2;

@@ -11,10 +11,10 @@ constexpr int kColumns = 32, kRows = 24;  // of places that are looked at
 constexpr int kApart = 2;                 // pixels: neighbours share noise in demosaiced pictures
 constexpr float kDark = 0.02f;            // linear
 constexpr std::size_t kLeast = 200;       // dark places
-constexpr float kKept = 0.9f;             // of them, without what may be edges,
-constexpr float kKeptVariance = 0.623f;   // which have so much of a normal variable's variance
-constexpr float kCutOff = 0.25f;  // of all at 0, from which on half of the noise is cut off there,
-constexpr float kCutOffVariance = 3;  // and three times what is left was there
+constexpr float kKept = 0.9f;             // share of them that is kept, without what may be edges,
+constexpr float kKeptVariance = 0.623f;   // and its share of a normal variable's variance
+constexpr float kCutOff = 0.25f;  // share at 0 from which on half of the noise is cut off there,
+constexpr float kCutOffVariance = 3;  // so that its variance was three times what is left
 constexpr float kUsual = 2;           // times the variance that is expected
 
 }  // namespace

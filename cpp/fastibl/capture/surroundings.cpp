@@ -9,10 +9,10 @@
 namespace fastibl {
 namespace {
 
-// Standard deviations of a light's distance: within, it is where everything is thought to be, which
-// was told by somebody who may know better.
+// Standard deviations of a light's distance. Within these it counts as being where everything is
+// thought to be, as told by somebody who may know better.
 constexpr double kAgreed = 2;
-// Of a distance, and as an angle: what is moved by less is the same.
+// Share of a distance, and angle: what moved by less counts as the same.
 constexpr float kChange = 0.03f;
 
 bool is_about(const Depth& a, const Depth& b) {

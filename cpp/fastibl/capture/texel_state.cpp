@@ -10,12 +10,12 @@ namespace {
 
 // A sample further than this many standard deviations from the value is a change of the place.
 constexpr float kChange = 4.0f;
-// Seconds up to which a value becomes the less sure against a new sample the longer ago it was
-// seen: what differs much is a change, and noise of a dark exposure must not be averaged in for
-// being taken a minute later.
+// Seconds up to which a value becomes less sure against a new sample the longer ago it was seen.
+// What differs much is a change, and noise of a dark exposure must not be averaged in just because
+// it was taken a minute later.
 constexpr float kLongest = 1.0f;
 // Relative difference of samples of a lamp's rim: clipped and unclipped pictures of it are read
-// with footprints of other shapes.
+// with footprints of different shapes.
 constexpr float kRim = 0.3f;
 constexpr float kMostElapsed = 1e9f;    // seconds: what grows with them stays below that
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
@@ -66,8 +66,9 @@ struct ChannelInput {
   int lanes;  // of the arrays, a multiple of 16
 };
 
-// A Kalman filter per texel. A bound is no measurement, and what contradicts the value is a change
-// of the place: both are replaced. A clipped sample raises a value below it and does no more.
+// A Kalman filter per texel. A value is replaced if it is only a bound, which is no measurement, or
+// if the sample contradicts it: then the place changed. A clipped sample raises a value below it
+// and does no more.
 FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict values,
                                   float* __restrict variances, int* __restrict bounds,
                                   float* __restrict unsure) {
@@ -89,7 +90,8 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float grown = variances[i] + kUnsureRate * kUnsureRate * value * value * since;
     const float difference = sample - value, total = grown + sample_variance;
     const float gain = grown / (total > 1e-30f ? total : 1e-30f);
-    // A clipped sample says nothing of the rim of a lamp that is seen otherwise without clipping.
+    // A clipped sample says nothing about the rim of a lamp that is otherwise seen without
+    // clipping.
     const float rim = clips[i] ? kRim * value : 0.0f;
     const int replace =
         firsts[i] | bounds[i] | (difference * difference > kChange * kChange * total + rim * rim);
@@ -110,7 +112,7 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
   }
 }
 
-// What is left of variances where samples were clipped, in those of a sample that is not.
+// The variance left where samples were clipped, relative to that of a sample that is not.
 FASTIBL_CLONES void compare_clipped(const ChannelInput& in, const float* __restrict values,
                                     const float* __restrict variances, const int* __restrict bounds,
                                     float* __restrict unsure) {
@@ -185,7 +187,7 @@ struct Arrays {
   const std::uint8_t* bound;
 };
 
-// Of what is summed over a group, each as kPartial sums side by side.
+// What is summed over a group, each as kPartial sums side by side.
 enum Sum {
   kCount,
   kAngle,

@@ -10,7 +10,7 @@ namespace fastibl {
 namespace {
 
 constexpr float kSmallestDepth = 1e-9f;  // as a lens has it
-constexpr double kBehind = -0.9;  // cosine: a light is seen from behind, whichever way turned
+constexpr double kBehind = -0.9;  // cosine: the light is seen from behind, however it is turned
 constexpr double kMargin = 0.02;  // of the picture's bounds, for a border that is curved
 
 struct FaceAxes {
@@ -72,7 +72,7 @@ FASTIBL_CLONES void turn_texels(const TexelView::Projection& p, const FaceProjec
       }
       const float x = tx[i], y = ty[i], z = tz[i];
       tx[i] = x + near * p.shift[0], ty[i] = y + near * p.shift[1], tz[i] = z + near * p.shift[2];
-      // As of a surface that faces the centre.
+      // As for a surface that faces the centre.
       pixels[i] *= std::fabs(x * tx[i] + y * ty[i] + z * tz[i]) / square;
     }
   if (p.masked)
@@ -86,7 +86,7 @@ FASTIBL_CLONES void turn_texels(const TexelView::Projection& p, const FaceProjec
     }
 }
 
-// From camera directions to pixels.
+// Projects camera directions to pixels.
 FASTIBL_CLONES void project_texels(const TexelView::Projection& p, const float* __restrict tx,
                                    const float* __restrict ty, const float* __restrict tz,
                                    int lanes, float* __restrict px, float* __restrict py,
@@ -127,9 +127,9 @@ FASTIBL_CLONES int count_seen(const int* seen, int lanes) {
 constexpr float kLongest = 1.74f;  // of a direction to a face's corner
 
 // Adds what a side of the horizon shows. A tile is the cone of its corners, so it lies beyond a
-// side of the picture where they all do; with what is near, the surface between them bulges a
-// little: a sphere by the tile's own bulge, a box by no more than its depth differs from corner to
-// corner. near: of each corner, see Surroundings; null where all is far away.
+// side of the picture if all of them do. With near surroundings, the surface between the corners
+// bulges a little: a sphere by the tile's own bulge, a box by no more than its depth differs from
+// corner to corner. near: by corner, see Surroundings; null where all is far away.
 template <typename V>
 FASTIBL_INLINE void find_tiles_by(const TexelView::Projection& p, const PictureBounds& bounds,
                                   const TileOutlines::Corner (&corners)[4],
@@ -188,7 +188,7 @@ void set_turn(TexelView::Projection& to, const glm::dmat3& turn) {
     for (int r = 0; r < 3; ++r) to.turn[c][r] = float(turn[c][r]);
 }
 
-// The least rotation that takes one direction to another.
+// The smallest rotation that takes one direction to another.
 glm::dmat3 rotation_between(const glm::dvec3& from, const glm::dvec3& to) {
   const glm::dvec3 sum = from + to;
   return glm::dmat3(1.0) - glm::outerProduct(sum, sum) / (1 + glm::dot(from, to)) +
@@ -257,9 +257,9 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
     : surroundings_(viewpoint.surroundings), bounds_(bounds) {
   const glm::dvec3 centre = camera_from_marker * viewpoint.centre;
   const double height = camera_from_marker.inverse().translation.z;
-  // Below the horizon a direction d meets the plane at c − (c_z / d_z) d, in the camera's frame a
-  // multiple of (R − c e_zᵀ / c_z) d: linear in d, as for light from far away. The plane hides what
-  // is under it, and its underside is not the table.
+  // Below the horizon a direction d meets the plane at c − (c_z / d_z) d. In the camera's frame
+  // this is a multiple of (R − c e_zᵀ / c_z) d, which is linear in d, as for light from far away.
+  // The plane hides what is under it, and its underside is not the table.
   sees_plane_ = height > 0;
   turn_ = camera_from_marker.rotation, centre_ = centre;
   const glm::dmat3 turn_above = turn_;
@@ -293,9 +293,10 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
   below_.centre_x = float(viewpoint.centre.x), below_.centre_y = float(viewpoint.centre.y);
 }
 
-// Above the horizon, for what is as far as a light: it lies about the light, on a sphere around the
-// centre that is turned to face the camera. So a lamp is as wide from wherever it is seen; a sphere
-// that faced the centre alone would be seen aslant, and the lamp drawn out on it.
+// The projection above the horizon for what is as far as a light: it lies about the light, on a
+// sphere around the centre that is turned to face the camera. So a lamp is equally wide from
+// everywhere. A sphere that faced the centre alone would be seen aslant, and the lamp drawn out on
+// it.
 TexelView::Projection TexelView::facing(const glm::vec3& light) const {
   const glm::dvec3 eye = -(glm::transpose(turn_) * centre_), at(light);
   const glm::dvec3 from = glm::normalize(at), to = at - eye;

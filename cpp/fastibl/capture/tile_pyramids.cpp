@@ -8,7 +8,7 @@
 namespace fastibl {
 namespace {
 
-// Two rows of 16 texels to a row of 8, twice.
+// Halves two rows of 16 texels to a row of 8, twice.
 FASTIBL_INLINE void halve_rows_of_16(const float* fine, const float* weights, float* coarse) {
   const auto at = [&](int i) {
     return *reinterpret_cast<const Float16*>(fine + i) *
@@ -20,7 +20,7 @@ FASTIBL_INLINE void halve_rows_of_16(const float* fine, const float* weights, fl
       __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
 }
 
-// Four rows of 8 texels to two of 4.
+// Halves four rows of 8 texels to two of 4.
 FASTIBL_INLINE void halve_rows_of_8(const float* fine, const float* weights, float* coarse) {
   const auto at = [&](int i) {
     return *reinterpret_cast<const Float8*>(fine + i) *

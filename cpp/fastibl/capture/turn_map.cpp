@@ -1,4 +1,4 @@
-// A captured map when the marker was turned under it.
+// Turns a captured map after the marker was turned under it.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,7 +12,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   state_ = TexelState(grid_);
   const glm::mat3 old_from_new(glm::transpose(new_from_old));
   const std::size_t stride = std::size_t(grid_.stride());
-  // Of the four texels that a texel falls between those that were seen, as if looked up there.
+  // Averages those of the four texels around a texel's place that were seen, as if looked up there.
   const auto take = [&](int tile, int k, const glm::vec3& direction, float half) {
     const std::size_t to = std::size_t(tile) * stride + std::size_t(k);
     const glm::vec3 side = glm::normalize(glm::cross(
@@ -36,7 +36,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
     if (count == 0) return;
     for (int c = 0; c < 3; ++c) {
       state_.value[c][to] = value[c] / count;
-      // And what may differ within a texel.
+      // Adds what may differ within a texel.
       const float blur = kModelNoise * value[c] / count;
       state_.variance[c][to] = variance[c] / count + blur * blur;
     }
@@ -55,14 +55,14 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   tracks_ = LightTracks(options_.centre);
   surroundings_ = Surroundings(outlines_, options_.centre, options_.distance, options_.box);
   quiet_ = QuietTiles(grid_);
-  prior_.reset(), sky_.clear();  // it was given for the marker as it lay
+  prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
   vantage_.assign(vantage_.size(), std::numeric_limits<float>::max());  // tiles mix: seen from afar
   scales_.assign(scales_.size(), kOwnScale);  // tiles mix
   renew_all();
 }
 
-// Everything that is derived from the state.
+// Renews everything that is derived from the state.
 void Capture::renew_all() {
   std::vector<int> all, refilled;
   const std::uint64_t version = new_tile_version();

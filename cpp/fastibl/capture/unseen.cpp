@@ -8,20 +8,21 @@
 namespace fastibl {
 namespace {
 
-// Share by which a fill is wrong before it is made anew: far less than what is not known there.
+// Share by which a fill may be wrong before it is made anew: far less than what is not known there.
 constexpr float kMoved = 0.02f;
-constexpr float kMovedHalf = 0.005f;  // the same of what stands for half the sphere
+constexpr float kMovedHalf = 0.005f;  // the same for what stands for half the sphere
 constexpr float kMidGrey = 0.5f;      // of the sky before any picture
 constexpr int kSlices = 4;            // calls in which all tiles are looked at once
-// Least trust in a tile, next to one that was seen for kSettled seconds, in every exposure.
+// Least trust in a tile, relative to one that was seen for kSettled seconds in every exposure.
 constexpr float kLeastTrust = 0.02f;
 constexpr double kSettled = 0.5;
 constexpr float kClippedTrust = 1e-3f;  // of what is only a lower bound
-// No tile stands for more than this times the mean of what was seen on its side. On seven maps,
-// swept in part, the irradiance is wrong by 0.31 instead of 0.39, a mean.
+// No tile stands for more than this times the mean of what was seen on its side. On seven maps that
+// were swept in part, the irradiance is wrong by 0.31 instead of 0.39 on average.
 constexpr float kMostOfMean = 8.0f;
 constexpr float kDarkest = 0.05f, kBrightest = 4;  // of brightness_
-// Of the plane's light, what an unseen sky may give beside what was seen of it: standard deviation.
+// Standard deviation, as a share of the plane's light, of what an unseen sky may give besides what
+// was seen of it.
 constexpr double kBesides = 0.3;
 constexpr float kNear2 = 0.01f;  // squared chord: closer than this, sources count alike
 constexpr int kPartial = 16;     // sums side by side, in the same order on every processor
@@ -31,8 +32,8 @@ bool moved(const glm::vec3& from, const glm::vec3& to, float share) {
   return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
 }
 
-// Of a tile's projected solid angle. Sums in float may exceed the whole by their rounding, and
-// light of the rest would be negative.
+// The unseen part of a tile's projected solid angle. Float sums may exceed the whole by their
+// rounding, and light of the rest would be negative.
 double unseen_part(double projected, const TileSums& sums) {
   return std::max(0.0, projected - sums.projected);
 }
@@ -48,7 +49,7 @@ FASTIBL_INLINE void sum_nearness_by(const float* const* from, int count, const f
       V at[7];
       for (int k = 0; k < 7; ++k) at[k] = floats_at<V>(from[k] + i);
       const V dot = at[0] * d[0] + at[1] * d[1] + at[2] * d[2];
-      // The largest is 1: eighth powers of the rest do not overflow.
+      // The largest is 1, so that eighth powers of the rest do not overflow.
       const V near = kNear2 / ((2 + kNear2) - 2 * dot), near2 = near * near;
       const V weight = at[3] * (near2 * near2);
       sums[0] += weight;
@@ -82,7 +83,7 @@ UnseenTiles::Sources UnseenTiles::sources(bool above, const std::vector<TileSums
   std::vector<int> tiles;
   glm::dvec3 sum(0);
   double weights = 0;
-  // Solid angle, and radiance of a tile, of which bounds hardly count.
+  // Solid angle and radiance of a tile, in which bounds hardly count.
   const auto open_angle = [&](std::size_t i) {
     return sums[i].angle - (1 - kClippedTrust) * sums[i].bound_angle;
   };
@@ -209,7 +210,7 @@ glm::dvec3 UnseenTiles::sky_irradiance(const std::vector<TileSums>& sums,
   return out;
 }
 
-// A uniform sky that would light the plane as it looks.
+// The uniform sky that would light the plane as it looks.
 glm::vec3 UnseenTiles::sky_without_pictures(const std::vector<TileSums>& sums) const {
   glm::dvec3 flux(0);
   double angle = 0;

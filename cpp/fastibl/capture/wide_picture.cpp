@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMargin = 4;        // pixels around a side, at least
 constexpr double kFootprint = 2;  // texels that a footprint may reach across, at most
-constexpr double kFinest = 16;    // pixels of a side's half, by texels of the map's, at most
+constexpr double kFinest = 16;    // pixels of half a side per texel of the map, at most
 constexpr int kLeastTexels = 4;   // that the map is taken to have
 constexpr WideSide::Source kNothing = {-1, -1};
 bool is_nothing(const WideSide::Source& source) { return source.y < 0; }
@@ -75,8 +75,8 @@ std::vector<WideSide> sides_of(const Camera& wide, int texels) {
         }
     });
     side.own = Image<std::uint8_t>(size, size, 1);
-    // A footprint that reaches where the wide picture ends would read nothing: such texels are
-    // left out. Summed along rows, then columns.
+    // A footprint that reaches beyond the wide picture would read nothing there, so such texels are
+    // left out. Sums run along rows, then columns.
     std::vector<std::int32_t> nothing(side.from.size());
     const auto at = [&](int x, int y) {
       return std::size_t(y) * std::size_t(size) + std::size_t(x);
