@@ -20,7 +20,7 @@ typedef float Unaligned __attribute__((vector_size(32), aligned(4)));  // Wide a
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kLeafSize = 8;  // at most, unless centres coincide
 constexpr int kBins = 16;
-constexpr int kBvhDepth = 64;     // of the stacks
+constexpr int kBvhDepth = 64;     // levels that the stacks have room for
 constexpr int kBinnedDepth = 30;  // deeper, triangles are halved by rank: 2^31 of them fit below
 
 #define FASTIBL_KERNEL "fastibl/scene/bvh_kernel.inl"

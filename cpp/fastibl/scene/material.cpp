@@ -97,7 +97,7 @@ std::optional<LobeShape> Material::lobe() const {
   const float alpha = ggx_alpha(pbr->roughness * mean(pbr->roughness_map).x, 0).x,
               metallic = pbr->metallic * mean(pbr->metallic_map).x;
   const glm::vec3 colour = pbr->base_color * mean(pbr->base_color_map);
-  // Karis 2013 has 2/α² − 2: no less than 0 either.
+  // Karis 2013 has 2/α² − 2, which is never below 0 either.
   return LobeShape{2 / (alpha * alpha), true,
                    glm::mix(0.04f, (colour.x + colour.y + colour.z) / 3, metallic)};
 }

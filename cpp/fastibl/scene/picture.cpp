@@ -72,7 +72,7 @@ float scale_below_white(const Picture& picture) {
   check_picture(picture);
   if (picture.type != PixelType::float32) return 1;
   constexpr int kSamples = 200;    // along an edge
-  constexpr double kBelow = 0.99;  // of them
+  constexpr double kBelow = 0.99;  // share of them that must stay below white
   const int dx = std::max(1, picture.width / kSamples), dy = std::max(1, picture.height / kSamples);
   std::vector<float> brightest;
   for (int y = 0; y < picture.height; y += dy) {

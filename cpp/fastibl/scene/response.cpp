@@ -121,7 +121,7 @@ ByteResponse::ByteResponse(const Response& response) : clipped_code_(response.cl
     if (upper_[std::size_t(k)] * kGuesses < 1)
       upper_[std::size_t(k)] = std::ceil(upper_[std::size_t(k)] * 0x1p36f) * 0x1p-36f;
   }
-  // Of what is just below white, so that a level between two codes is one of them for both.
+  // White has the code of what is just below it: a level between two codes is one of them for both.
   while (white_ > 0 && upper_[std::size_t(white_) - 1] >= 1) --white_;
   int code = 0;
   for (int i = 0; i < kGuesses; ++i) {
