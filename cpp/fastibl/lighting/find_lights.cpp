@@ -18,7 +18,7 @@ constexpr double kLeastShare = 0.0025;
 // How much the share that a light holds of its disc may change from one map to the next, apart from
 // what the map changed there: lights are shaded more sharply than the map, and would pop.
 constexpr float kFade = 0.04f;
-// A light that appears lets another one that it is this much of go at once.
+// A light that appears lets another one of up to this share of it go at once.
 constexpr double kMasks = 0.5;
 constexpr int kCandidates = 64;
 constexpr int kFinest = 256;  // face size of the level that refines directions

@@ -14,7 +14,7 @@ constexpr double kMostFade = 0.0004;
 // It begins with no more than this share: where a method is given up because it is wrong by more
 // under changed light, that error must not stay.
 constexpr double kMostRest = 0.025;
-constexpr int kFadeSize = 24;  // texels of the cube that it is part of
+constexpr int kFadeSize = 24;  // texels of the cube that the difference is added to
 constexpr int kErrorSize = 6;  // texels that lie between those of usual cubes
 
 std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& sh) {

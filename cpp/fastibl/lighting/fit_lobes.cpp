@@ -12,7 +12,7 @@ namespace fastibl {
 namespace {
 
 constexpr int kNodes = 12,
-              kCandidates = 8;  // cube sizes: where the fit is judged, where lobes start
+              kCandidates = 8;  // cube sizes: for judging the fit, for starting lobes
 constexpr int kUsual = 8;       // at most this many lobes are found unasked
 constexpr int kColdSteps = 2, kLastSteps = 4, kWarmSteps = 2;
 constexpr int kWeighings = 2;
@@ -309,7 +309,7 @@ struct Amplitudes {
   }
 };
 
-constexpr int kSweeps = 60;  // of coordinate descent, for sums that may not be negative
+constexpr int kSweeps = 60;  // of coordinate descent, with amplitudes of at least 0
 
 // Gives each lobe its own colour.
 std::vector<glm::dvec3> free_colours(const Amplitudes& m) {
