@@ -14,7 +14,7 @@ namespace fastibl {
 namespace {
 
 constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
-constexpr std::size_t kCameras = 4;    // that are remembered, those used last
+constexpr std::size_t kCameras = 4;    // remembered: those used last
 // Seconds over which new values of unseen tiles are spread, and the least share that one picture
 // makes: unseen tiles hold a guess, which follows when there is time.
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
@@ -23,7 +23,7 @@ constexpr int kSmallLater = 12;
 constexpr double kMeterPause = 0.1;  // seconds between readings of the board's white
 constexpr int kPicturesPerFill = 2;  // between updates of what unseen tiles should hold
 constexpr float kOtherScale = 0.5f;  // change of a prior map's brightness that is shown at once
-constexpr float kFarther = 2, kFartherBy = 0.3f;  // metres: from there a wide picture tells less
+constexpr float kFarther = 2, kFartherBy = 0.3f;  // factor, metres: beyond, wide pictures tell less
 constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
 constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
 // Bands of rows that share a pose: at 60 degrees a second and 30 ms of readout, neighbouring bands

@@ -8,7 +8,7 @@ namespace fastibl {
 namespace {
 
 constexpr double kMemory = 3;          // seconds
-constexpr std::size_t kMost = 12;      // pictures of an exposure that tell its swing
+constexpr std::size_t kMost = 12;      // pictures of one exposure, at most, that tell its swing
 constexpr std::size_t kLeast = 5;      // at least, to tell that it swings
 constexpr double kSameExposure = 0.2;  // ln
 constexpr double kLeastSwing = 0.03;

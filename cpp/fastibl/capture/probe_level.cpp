@@ -8,8 +8,8 @@ namespace fastibl {
 namespace {
 
 constexpr int kColumns = 24, kRows = 18;  // of probes over a picture
-constexpr int kLargest = 8;               // pixels along an edge of one
-constexpr int kStep = 2;                  // pixels between those that are read of a large one
+constexpr int kLargest = 8;               // pixels along an edge of a probe
+constexpr int kStep = 2;                  // pixels between those that are read of a large probe
 constexpr float kKnown = 0.15f;           // relative standard deviation of what counts as known
 
 }  // namespace

@@ -242,7 +242,7 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
   add(kBoundAngle, bound_angle), add(kBoundFlux, bound_flux);
 }
 
-// Pairwise.
+// Adds pairwise.
 FASTIBL_CLONES void join_sums(float* __restrict sums, float* __restrict total) {
   for (int i = 0; i < kSums; ++i) {
     float* s = sums + i * kPartial;

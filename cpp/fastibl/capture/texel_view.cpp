@@ -9,7 +9,7 @@
 namespace fastibl {
 namespace {
 
-constexpr float kSmallestDepth = 1e-9f;  // as a lens has it
+constexpr float kSmallestDepth = 1e-9f;  // as in Lens
 constexpr double kBehind = -0.9;  // cosine: the light is seen from behind, however it is turned
 constexpr double kMargin = 0.02;  // of the picture's bounds, for a border that is curved
 
@@ -124,7 +124,7 @@ FASTIBL_CLONES int count_seen(const int* seen, int lanes) {
   return count;
 }
 
-constexpr float kLongest = 1.74f;  // of a direction to a face's corner
+constexpr float kLongest = 1.74f;  // length of a direction to a face's corner
 
 // Adds what a side of the horizon shows. A tile is the cone of its corners, so it lies beyond a
 // side of the picture if all of them do. With near surroundings, the surface between the corners

@@ -16,11 +16,11 @@ constexpr int kSlices = 4;            // calls in which all tiles are looked at 
 // Least trust in a tile, relative to one that was seen for kSettled seconds in every exposure.
 constexpr float kLeastTrust = 0.02f;
 constexpr double kSettled = 0.5;
-constexpr float kClippedTrust = 1e-3f;  // of what is only a lower bound
+constexpr float kClippedTrust = 1e-3f;  // trust in what is only a lower bound
 // No tile stands for more than this times the mean of what was seen on its side. On seven maps that
 // were swept in part, the irradiance is wrong by 0.31 instead of 0.39 on average.
 constexpr float kMostOfMean = 8.0f;
-constexpr float kDarkest = 0.05f, kBrightest = 4;  // of brightness_
+constexpr float kDarkest = 0.05f, kBrightest = 4;  // bounds of brightness_
 // Standard deviation, as a share of the plane's light, of what an unseen sky may give besides what
 // was seen of it.
 constexpr double kBesides = 0.3;

@@ -46,8 +46,8 @@ std::size_t bytes_of(PixelType type) {
 
 std::vector<WideSide> sides_of(const Camera& wide, int texels) {
   const WideLens lens(wide);
-  // As fine as the picture in its middle, where a side is 2 focal lengths wide, or much finer than
-  // the map.
+  // As fine as the middle of the picture, where a side is 2 focal lengths wide, or, if that is
+  // coarser, much finer than the map.
   const double focal =
       std::min(std::ceil(std::max(wide.fx, wide.fy)), kFinest * std::max(texels, kLeastTexels));
   const int reach = kMargin + int(std::ceil(kFootprint * 2 * focal / texels));
