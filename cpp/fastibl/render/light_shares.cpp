@@ -55,8 +55,8 @@ std::optional<std::size_t> LightShares::groups() const {
   return exchange_->groups();
 }
 
-// Those of the map, by side where both are seen: near lights and the bounce do not change them
-// alike.
+// The shares of the map's light, by side where both are seen: near lights and the bounce change the
+// sides differently.
 std::vector<glm::vec4> LightShares::by_side(const Scene& scene) const {
   std::vector<glm::vec4> shares = own_;
   if (shares.empty())

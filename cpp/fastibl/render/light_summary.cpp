@@ -6,8 +6,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kCoarse = 16;    // texels along a face that light is summed up by
-constexpr float kCompact = 8;  // times the mean radiance, from where on light is compact
+constexpr int kCoarse = 16;    // texels along a face that light is summed over
+constexpr float kCompact = 8;  // times the mean radiance: above it, light is compact
 constexpr float kOtherLight = 0.25f, kOtherCompactLight = 0.05f;  // shares of the light
 
 }  // namespace

@@ -29,8 +29,8 @@ void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
   }
 }
 
-// The directions that the object blocks, at vertices that are close enough together for them. P_V
-// stays what it was, interpolated: the paper's method is not changed by it.
+// Adds the directions that the object blocks, at vertices that are close enough together for them.
+// P_V keeps its values, interpolated, so the paper's method does not change.
 void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   MeshRefineOptions finer;
   finer.backs = backs;

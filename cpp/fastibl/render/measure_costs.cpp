@@ -23,12 +23,12 @@ namespace fastibl {
 namespace {
 
 constexpr int kCalls = 25, kFewest = 5;
-constexpr double kLongest = 0.1;            // seconds, after which fewer calls do
+constexpr double kLongest = 0.1;            // seconds, after which fewer calls are enough
 constexpr std::size_t kBetween = 64 << 20;  // bytes: more than any cache
 thread_local std::vector<unsigned char> others;
 
-// Nanoseconds of call(k), k counted up, as in a frame: pictures and maps went through the caches
-// since the last one. The lower quartile: what holds up the core counts for little.
+// Nanoseconds of call(k), where k is counted up. As in a frame, pictures and maps went through the
+// caches since the last call. The lower quartile, so that what holds up the core counts for little.
 template <typename Call>
 double nanoseconds(Call&& call) {
   int k = 0;
@@ -48,7 +48,7 @@ double nanoseconds(Call&& call) {
 
 double at_least(double value, double least) { return std::max(value, least); }
 
-// Two rooms with a window and a lamp, so that nothing is found ready.
+// Two different rooms with a window and a lamp, so that nothing is found ready.
 using Maps = std::array<std::shared_ptr<const CubeMap>, 2>;
 Maps maps() {
   Maps result;
@@ -102,7 +102,7 @@ LightingOptions glossy_by(GlossyMethod method, GlossySettings settings = {}) {
   return options;
 }
 
-// As one map after the other is fitted.
+// Time of fitting one map after the other.
 double fit(const Maps& maps, LightingOptions options) {
   options.follows = true;
   Lighting last = fit_lighting(maps[1], options);
@@ -243,8 +243,8 @@ void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
   costs.caps = shadow(ShadowMethod::cap_product, {});
 }
 
-// Of a picture of the ring, diffuse and glossy: shares by rays, and with every pixel's lobe, by the
-// groups of cells in its reach.
+// Shares in a picture of the ring, diffuse and glossy: by rays, for each pixel; and with a pixel's
+// own lobe, for each group of cells in its reach.
 struct PixelShares {
   double traced, glossy;
 };

@@ -26,17 +26,19 @@ namespace {
 
 using Colours = std::vector<glm::vec3>;
 
-constexpr float kPlaneLevel = 0.35f;  // of the plane in the picture, by white
-// Of the object's middle pixel at most: on a dark floor a picture is exposed for the object.
+constexpr float kPlaneLevel = 0.35f;  // of the plane in the picture, as a share of white
+// The same of the object's median pixel, at most: on a dark floor a picture is exposed for the
+// object.
 constexpr float kObjectLevel = 0.7f;
 constexpr float kBounceError = 0.06f;  // of the bounce's own size
-// What rays at a triangle's part of a pixel miss of the edges within it, by the object's mean
-// colour: here each sample has rays of its own. By vertex, what is hidden is even over a pixel.
+// Error of rays that start once per triangle's part of a pixel, and so miss edges within it, by the
+// object's mean colour: here each sample has its own rays. By vertex, what is hidden is even over a
+// pixel.
 constexpr double kWithinPixel = 0.012;
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
 
-// Colours of the first samples under some light: with all of their diffuse light and nothing
-// glossy, or the other way round.
+// Colours of the first `count` samples under some light: with all of their diffuse light and
+// nothing glossy, or the other way round.
 Colours colours(const SceneSamples& samples, std::size_t count, const Material& material,
                 const Lighting& lighting, glm::vec4 share) {
   std::vector<Fragment> fragments;
@@ -44,11 +46,11 @@ Colours colours(const SceneSamples& samples, std::size_t count, const Material& 
     Fragment& f = fragments.emplace_back();
     f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
     f.tangent = s.tangent, f.uv = s.uv, f.color = s.color;
-    f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // a pixel's part of a texture, about
+    f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // about a pixel's part of a texture
   }
   Colours result(count);
   const SurfaceShading shading(material, lighting);
-  // Samples of one eye, one after the other.
+  // The samples of one eye at a time.
   for (std::size_t first = 0, last; first < count; first = last) {
     const int view = samples.surface[first].view;
     for (last = first; last < count && samples.surface[last].view == view;) ++last;
@@ -62,7 +64,7 @@ void subtract(Colours& from, const Colours& what) {
   for (std::size_t i = 0; i < from.size(); ++i) from[i] -= what[i];
 }
 
-// Shares of its light that reach each sample, by P_V.
+// The share of its light that reaches each sample, by P_V.
 std::vector<glm::vec4> ambient_shares(const SceneSamples& samples) {
   std::vector<glm::vec4> result;
   for (const SceneSamples::Surface& s : std::span(samples.surface).first(samples.seen)) {
@@ -73,7 +75,7 @@ std::vector<glm::vec4> ambient_shares(const SceneSamples& samples) {
   return result;
 }
 
-// By the directions that are free.
+// Shares by the directions that are free.
 std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMap& map,
                                        const Irradiance& irradiance, const Material& material) {
   std::vector<glm::vec4> result(samples.seen, glm::vec4(1));
@@ -100,7 +102,7 @@ std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMa
   return result;
 }
 
-// Of the glossy light with each sample's lobe, by what is hidden from the corners around it.
+// Shares of glossy light by each sample's lobe, and by what is hidden from the corners around it.
 void share_by_pixel(const SceneSamples& samples, const CubeMap& map, const Material& material,
                     std::vector<glm::vec4>& shares) {
   const std::optional<LobeShape> lobe = material.lobe();
@@ -123,7 +125,7 @@ void share_by_pixel(const SceneSamples& samples, const CubeMap& map, const Mater
   }
 }
 
-// By rays, where the object hides anything.
+// Traces the shares, where the object hides anything.
 void trace_light(const SceneSamples& samples, const CubeMap& map, const Material& material,
                  std::vector<glm::vec4>& shares) {
   if (samples.visibility.blocks_nothing()) return;
@@ -137,13 +139,13 @@ void trace_light(const SceneSamples& samples, const CubeMap& map, const Material
   });
 }
 
-// The plane: what is true there, and which places count.
+// What is true on the plane, and which places count.
 struct PlaneTruth {
-  Colours ratio, added;  // of the shadow, and what the object sends there by the plane's own light
+  Colours ratio, added;  // the shadow's; the object's light there, divided by the plane's own
   std::vector<std::size_t> counted;
 };
 
-// What the object hides of them from a place. hidden: 1 for the directions that it hides there.
+// The pieces' light that the object hides from a place. hidden: 1 for directions hidden there.
 glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, glm::vec2 place,
                        const std::uint8_t* hidden) {
   const glm::vec3 from(place, samples.above), to = samples.centre - from;
@@ -176,8 +178,8 @@ glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, 
   return lost;
 }
 
-// Mean of what the samples send out, `sent`, as it reaches a place on the plane: each by the form
-// factor of the surface that it stands for.
+// Mean of the light `sent` by the samples, as it reaches a place on the plane; each sample is
+// weighted by the form factor of the surface that it stands for.
 glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::vec2 place) {
   constexpr float kGrazing = 0.1f;
   const float near2 = 1e-4f * samples.radius * samples.radius;
@@ -194,7 +196,7 @@ glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::v
   return all > 0 ? sum / all : glm::vec3(0);
 }
 
-// Whether light on the plane that is multiplied with this changes its picture by more than a code.
+// Whether this factor on the plane's light changes the plane's picture by more than a code.
 bool shows(glm::vec3 gain) {
   static const Response response;
   static const float bare = response.encode(kPlaneLevel);
@@ -248,18 +250,19 @@ struct Judged {
   const SceneSamples& samples;
   const Material& material;
   TrueLight truth;
-  Colours emission, diffuse_factor, glossy_factor;  // of the material: colours by light of 1
+  Colours emission, diffuse_factor, glossy_factor;  // of the material, under light of 1
   PlaneTruth plane;
   glm::vec3 plane_radiance{0};
   float white = 0;
-  double object_weight = 0, plane_weight = 0;  // that make errors those of the picture
+  double object_weight = 0, plane_weight = 0;  // they turn errors into those of the whole picture
 
   glm::vec3 cut(glm::vec3 colour) const { return glm::min(colour, glm::vec3(white)); }
   glm::vec3 true_colour(std::size_t i) const {
     return emission[i] + diffuse_factor[i] * (truth.irradiance[i] - truth.lost[i]) / kPi +
            glossy_factor[i] * truth.lobe[i];
   }
-  // Of pixels, by the colours of their samples; where those leave a part, the plane shows.
+  // Colours of pixels, from those of their samples. Where samples leave a part free, the plane
+  // shows.
   template <typename Colour>
   Colours pixels(Colour&& colour) const {
     Colours result;
@@ -295,7 +298,7 @@ void weigh(Judged& j) {
   j.plane_weight = 1 / all / (mean * mean);
 }
 
-// The mean of the channels of the middle pixel; 0 of none.
+// The mean of the channels of the median pixel; 0 without pixels.
 float middle_level(const Colours& pixels) {
   std::vector<float> levels;
   for (const glm::vec3& c : pixels) levels.push_back((c.x + c.y + c.z) / 3);
@@ -305,7 +308,7 @@ float middle_level(const Colours& pixels) {
   return *middle;
 }
 
-// Of the light on the plane that a shadow leaves, at the places of the samples.
+// The share of the plane's light that a shadow leaves, at the places of the samples.
 struct PlaneRatios {
   Colours known, close;
 };
@@ -333,7 +336,7 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
   };
   std::array<double, SceneSamples::kViews> seen{};
   for (std::size_t p = 0; p < count; ++p) seen[view_of(p)] += 1;
-  // Of the picture's error squared, of all views and of the worst.
+  // Part of the picture's error squared: over all views, and in the worst.
   const auto off = [&](auto&& colour, double within_pixel) {
     const Colours made = j.pixels(colour);
     std::array<double, SceneSamples::kViews> sums{};
@@ -364,7 +367,7 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           errors.object.push_back(all.mean);
           errors.object_worst.push_back(all.worst);
         }
-  // Of each step alone, the others as they truly are.
+  // Error of each step alone, the others as they truly are.
   const auto alone = [&](auto&& colour) { return off(colour, 0); };
   const auto share = [](glm::vec3 part, glm::vec3 whole) {
     glm::vec3 result(1);
@@ -402,11 +405,11 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
     }));
 }
 
-// By places whose truth is known, but where shadows have their edges there are few of them: what a
-// shadow is off from the finest one, the last, is taken from the close places instead.
+// Judges by the places whose truth is known. Few of them lie where shadows have their edges, so the
+// difference of a shadow from the finest one, the last, is taken from the close places instead.
 void judge_plane(const Judged& j, const std::vector<PlaneRatios>& ratios, MeasuredErrors& errors) {
   const Candidates& c = errors.candidates;
-  // Of the picture's error squared: what the plane's gain is off at some places from a right one.
+  // Part of the picture's error squared: the plane's gain at some places against a right one.
   const auto off = [&](const std::vector<std::size_t>& places, const std::vector<double>& areas,
                        auto&& gain, auto&& right) {
     double sum = 0;
@@ -454,7 +457,7 @@ struct ErrorMeasurement::Work {
   const Material material;
   const Normalization normalization;
   const Candidates candidates;
-  Scene standing;  // where it is judged: what a shadow reads of it
+  Scene standing;  // what a shadow reads of the scene, placed where it is judged
   std::deque<std::function<void()>> steps;
   MeasuredErrors errors;
 
@@ -462,9 +465,9 @@ struct ErrorMeasurement::Work {
   std::optional<BrightPieces> bright;
   std::optional<Judged> judged;
   LightingOptions plain;
-  Lighting reference, last;         // by the finest irradiance; whose chain the next one reads, too
+  Lighting reference, last;         // of the finest irradiance; the one whose chain the next reads
   std::vector<PlaneRatios> ratios;  // by shadow
-  bool fine = true;                 // what the last cast drew
+  bool fine = true;                 // false: the last cast drew no fine map
   std::vector<Colours> diffuse, glossy;
   std::vector<glm::vec4> transfer;
   std::vector<std::vector<glm::vec4>> shares;
@@ -508,12 +511,12 @@ struct ErrorMeasurement::Work {
     reference = fit_lighting(map, finest);
   }
 
-  // From the last on. Before the object: what the plane lacks, that lacks.
+  // From the last on, and before the object: light that the plane lacks, the object lacks too.
   void cast(std::size_t k) {
     const ShadowCandidate& s = candidates.shadow[k];
     if (!fine && s.method == ShadowMethod::mesh &&
         s.settings.directions == candidates.shadow[k + 1].settings.directions) {
-      ratios[k] = ratios[k + 1];  // a finer map was asked for, and not drawn
+      ratios[k] = ratios[k + 1];  // a finer map was asked for, but not drawn
       return;
     }
     SceneShadow caster;
@@ -543,7 +546,7 @@ struct ErrorMeasurement::Work {
     j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
     if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
       j.plane_radiance = kFallbackAlbedo / kPi * flux->plane;
-    j.white = std::numeric_limits<float>::infinity();  // as yet nothing is cut
+    j.white = std::numeric_limits<float>::infinity();  // nothing is cut yet
     const float object = middle_level(j.true_pixels());
     j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
     if (std::isfinite(object)) j.white = std::max(j.white, object / kObjectLevel);

@@ -7,7 +7,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLeastFrames = 60;  // from one judgement to the next: it takes as long as some frames
+constexpr int kLeastFrames = 60;  // between judgements: each takes as long as some frames
 
 }  // namespace
 
@@ -38,7 +38,7 @@ bool MethodJudge::step(bool to_its_end) {
     try {
       do measurement_->step();
       while (at_once && !measurement_->done());
-    } catch (...) {  // of half a judgement nothing can be made
+    } catch (...) {  // half a judgement is of no use
       measurement_.reset(), due_ = true;
       throw;
     }

@@ -3,7 +3,7 @@
 namespace fastibl {
 namespace {
 
-constexpr double kLongestGap = 0.25;  // seconds; a hand that was not seen longer may be anywhere
+constexpr double kLongestGap = 0.25;  // seconds; a hand that was unseen for longer may be anywhere
 
 }  // namespace
 

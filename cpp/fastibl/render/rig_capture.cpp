@@ -8,11 +8,11 @@
 namespace fastibl {
 namespace {
 
-constexpr double kSteadyExposure = 0.3;  // ln, from one picture to the next
+constexpr double kSteadyExposure = 0.3;  // ln, between one picture and the next
 constexpr int kFront = 1;                // the camera's number; the back one's is 0
-constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures, which have one
-constexpr double kSameExposure = 0.05;  // exposure, by so much of its logarithm; where none comes
-constexpr double kSinglePatience = 8;   // for so many seconds, another will do
+constexpr double kSinglePeriod = 5;  // seconds between the paper's front pictures, of one exposure
+constexpr double kSameExposure = 0.05;  // largest difference of ln exposure that counts as the same
+constexpr double kSinglePatience = 8;   // seconds after which another exposure will do
 
 const glm::dvec3& checked(const glm::dvec3& ratio) {
   check(ratio.x > 0 && ratio.y > 0 && ratio.z > 0 && std::isfinite(ratio.x + ratio.y + ratio.z),

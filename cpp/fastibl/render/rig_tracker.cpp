@@ -9,14 +9,15 @@
 namespace fastibl {
 namespace {
 
-// Seconds that a front picture may use an earlier pose, and times' rounding.
+// Seconds for which a front picture may use an earlier pose, plus the rounding of times.
 constexpr double kPoseLifetime = 0.1 + 1e-6;
-// A rotation by the surroundings that is less sure, drift of the map aside, is not captured with; a
-// fifth of a texel of 128: what was captured so is what later pictures are followed by.
+// Nothing is captured with a rotation by the surroundings that is less sure than this, drift of the
+// map aside: later pictures are followed by what was captured. A fifth of a texel of 128.
 constexpr double kMostTurnDeviation = 0.3 * kDegree;
-// Up to here a rotation by a gyroscope tells the least turn of a board from its own error.
+// Up to this deviation, a rotation by a gyroscope tells the least turn of a board from its own
+// error.
 constexpr double kSureTurn = 0.3 * kDegree;
-// Seconds between looks around while the board is in view and does not move: where surroundings
+// Seconds between looks around while the board is in view and does not move: where the surroundings
 // agree with it, and where they do not because they are near, which takes longer to find out.
 constexpr double kLookAround = 0.06, kLookAroundNear = 0.25;
 constexpr double kLookAroundRarely = 1;  // seconds: each costs as much as a picture's capture
@@ -49,7 +50,7 @@ bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResul
   turned_.reset(), board_moves_ = false;
   const bool believed = gyro_.trusted();
   attitude_ = frame.attitude ? gyro_.add(frame.time, *frame.attitude) : std::nullopt;
-  if (believed && !gyro_.trusted()) {  // nor is what it told of the board
+  if (believed && !gyro_.trusted()) {  // what it told of the board is not trusted either
     board_motion_ = BoardMotion();
     forget_surroundings();
   }
@@ -76,7 +77,7 @@ bool RigTracker::find_pose(const Frame& frame, TrackingMethod method, FrameResul
   return true;
 }
 
-// What a pose by the board tells of the rotation, and of its velocity where rows tell that.
+// What a pose by the board tells of the rotation, and of its velocity where the rows show it.
 RigTracker::Known RigTracker::known(const Tracked& pose, const Frame& frame) const {
   Known known{pose.camera_from_marker, frame.time, rotation_variance(pose), {}, attitude_};
   if (pose.last_row && rig_.back.readout > 0)
@@ -112,12 +113,12 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
                                     attitude_ ? attitude_->variance : 0);
   };
   if (!around.mapped) {
-    // Before there is a map there is a pose to start from.
+    // Before there is a map, there may be a pose to start from.
     if (result.tracked) start(known(*result.tracked, frame), pictures);
     return std::nullopt;
   }
   if (!result.tracked) {
-    // A front picture alone has the last pose for a while.
+    // A front picture alone uses the last pose for a while.
     if (frame.back.empty() && is_recent(frame.time)) return std::nullopt;
     for (const Known& pose : between_looks_) start(pose, {});
     between_looks_.clear();
@@ -132,7 +133,7 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
     between_looks_.push_back(by_board);
     return std::nullopt;
   }
-  between_looks_.clear();  // by the board: whether it lies still is the question
+  between_looks_.clear();  // they come from the board, and whether it lies still is the question
   pictures.velocity = by_board.velocity;
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> turned;

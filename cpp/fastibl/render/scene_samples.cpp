@@ -17,24 +17,24 @@
 namespace fastibl {
 namespace {
 
-constexpr float kOffset = 1e-4f;  // of the object's size, that rays start above a surface
-// Of a picture, that the object takes: how much of the plane is looked at.
+constexpr float kOffset = 1e-4f;  // of the object's size: how far above a surface rays start
+// Share of a picture that the object takes. It sets how much of the plane is looked at.
 constexpr double kObjectShare = 0.15;
 
-// Of start + index · step.
+// Fractional part of start + index · step.
 float fraction(float start, int index, double step) {
   const double value = double(start) + index * step;
   return float(value - std::floor(value));
 }
 
-// Without its turn about z.
+// The pose without its turn about z.
 Pose upright(const Pose& pose) {
   const glm::dmat3& m = pose.rotation;
   const double yaw = std::atan2(m[0][1], m[0][0]), c = std::cos(yaw), s = std::sin(yaw);
   const glm::dmat3 back(glm::dvec3(c, -s, 0), glm::dvec3(s, c, 0), glm::dvec3(0, 0, 1));
   Pose result = pose;
   glm::dmat3 tilt = back * m;
-  double off = 0;  // a turn about z alone leaves nothing, whatever it was rounded to
+  double off = 0;  // a turn about z alone must leave nothing, however it was rounded
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) off = std::max(off, std::abs(tilt[i][j] - (i == j ? 1.0 : 0.0)));
   if (off < 1e-6) tilt = glm::dmat3(1);
@@ -53,7 +53,7 @@ void set_directions(SceneSamples& samples) {
       }
 }
 
-// Of the object where it stands.
+// The object where it stands.
 struct Standing {
   Mesh mesh;
   std::vector<glm::vec3> normals;
@@ -61,7 +61,7 @@ struct Standing {
   float size;
 };
 
-// What the object is seen by: one number as another.
+// How the object is seen. Rays go by number: any number will do.
 struct View {
   glm::vec3 eye;
   int wanted;                                    // pixels
@@ -69,7 +69,7 @@ struct View {
   std::function<std::vector<Ray>(int)> samples;  // of the pixel there
 };
 
-// From afar, on a circle at an elevation.
+// Views from afar, on a circle at an elevation.
 void add_views(const Standing& object, int count, float elevation, int wanted,
                std::vector<View>& views) {
   constexpr float kFar = 1e4f;  // times the object's size
@@ -82,7 +82,7 @@ void add_views(const Standing& object, int count, float elevation, int wanted,
     const glm::vec3 right = glm::normalize(glm::cross(glm::vec3(0, 0, 1), to));
     const glm::vec3 up = glm::cross(to, right);
     const int first = int(views.size()) * 1009;
-    // Evenly over the disc that holds the object: Roberts 2018, R2.
+    // Even over the disc that holds the object: Roberts 2018, R2.
     const auto ray = [=](int k) {
       const float r = radius * std::sqrt(fraction(0.5f, first + k, 0.7548776662));
       const float t = 2 * std::numbers::pi_v<float> * fraction(0.0f, first + k, 0.5698402910);
@@ -95,7 +95,7 @@ void add_views(const Standing& object, int count, float elevation, int wanted,
   }
 }
 
-// Of one picture. place: of the object on the plane.
+// The view of one picture. place: of the object on the plane.
 View view_of(const Camera& camera, const Pose& camera_from_marker, glm::dvec2 place) {
   const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
   const glm::vec3 eye(-(marker_from_camera * camera_from_marker.translation) -
@@ -122,10 +122,10 @@ View view_of(const Camera& camera, const Pose& camera_from_marker, glm::dvec2 pl
   return {eye, SceneSamples::kPicturePixels, [=](int k) { return through(place_of(k)); }, samples};
 }
 
-// Vertices and whether their back is seen, and their places among those that are kept.
+// Vertices, with whether their back is seen, and their indices among those that are kept.
 using Sides = std::map<std::pair<int, bool>, int>;
 
-// What a ray of a view meets of the object.
+// Where a ray of a view meets the object.
 std::optional<SceneSamples::Surface> surface_at(const Scene& scene, const Standing& object,
                                                 const SceneSamples& samples, const Ray& ray,
                                                 int view, Sides& used) {
@@ -191,7 +191,7 @@ void add_surface(const Scene& scene, const Standing& object, const std::vector<V
   }
   samples.pixels.push_back(samples.seen);
   samples.object_area = tried ? double(met) / tried : 0.0;
-  // What is kept of each vertex, in the order in which samples came to them.
+  // Data of each vertex that is kept, in the order in which samples came to them.
   std::vector<std::pair<int, bool>> order(used.size());
   for (const auto& [side, place] : used) order[std::size_t(place)] = side;
   const VertexVisibility& all = *scene.directions;
@@ -224,7 +224,7 @@ glm::vec3 start_of(const Standing& object, const SceneSamples& samples,
   return ray_start(place, kOffset * object.size);
 }
 
-// Which of these directions, by their places in `directions`, meet the object.
+// Which of the asked directions, given by their indices in `directions`, meet the object.
 std::vector<std::uint8_t> met_from(const Bvh& bvh, const SceneSamples& samples, glm::vec3 from,
                                    const std::vector<int>& asked) {
   std::vector<std::uint8_t> met(asked.size(), 0);
@@ -267,16 +267,16 @@ double share_seen(const Bvh& bvh, glm::vec3 from, std::span<const glm::vec3> eye
   return double(seen) / double(eyes.size());
 }
 
-// Within a disc on the plane that, with the object, fills the picture; towards its middle, where
-// shadows have their edges, closer to each other.
+// Places within a disc on the plane that, with the object, fills the picture. They are closer
+// together towards its middle, where shadows have their edges.
 std::vector<SeenPlanePoint> places_all_round(const Standing& object, const Bvh& bvh,
                                              const SceneSamples& samples, int n) {
-  constexpr double kPi = std::numbers::pi, kInwards = 0.75;  // 0.5: everywhere alike
+  constexpr double kPi = std::numbers::pi, kInwards = 0.75;  // 0.5: equally dense everywhere
   const double slope = std::sin(double(SceneSamples::kElevation));
   const std::span<const glm::vec3> eyes = std::span(samples.eyes).first(samples.picture_count);
   const glm::vec3 centre = object.box.centre();
   const double beneath = glm::length(glm::vec2(centre - object.box.lower));
-  // What hovers has its shadow elsewhere.
+  // An object that hovers has its shadow elsewhere.
   const double reach = std::max(std::sqrt(samples.object_area / kObjectShare / (kPi * slope)),
                                 1.2 * beneath + std::max(double(object.box.lower.z), 0.0));
   std::vector<SeenPlanePoint> places;
@@ -291,7 +291,7 @@ std::vector<SeenPlanePoint> places_all_round(const Standing& object, const Bvh& 
   return places;
 }
 
-// What a picture shows of the plane.
+// Places on the plane that a picture shows.
 std::vector<SeenPlanePoint> places_of(const View& view, const Bvh& bvh, int n) {
   std::vector<SeenPlanePoint> places;
   for (int k = 0; k < n; ++k) {
@@ -327,7 +327,7 @@ void trace_plane(const Standing& object, const Bvh& bvh, const std::vector<SeenP
   }
 }
 
-// pose: of the object, but for its place on the plane. picture: the only view, or null.
+// pose: of the object; its place on the plane is ignored. picture: the only view, or null.
 std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const View* picture) {
   if (!scene.directions || scene.mesh.triangles.empty()) return nullptr;
   auto samples = std::make_shared<SceneSamples>();

@@ -13,7 +13,7 @@
 namespace fastibl {
 namespace {
 
-// Metres: an object's centre for capture, however flat it is.
+// Metres: least height of an object's centre for capture, however flat it is.
 constexpr double kSmallestHeight = 0.01;
 
 void check_methods(const Methods& methods, const Renderer& renderer) {
@@ -56,7 +56,7 @@ std::unique_ptr<Renderer> checked(std::unique_ptr<Renderer> renderer, const Meth
   return renderer;
 }
 
-// The map is the light at the object: half-way up, where it stands.
+// The map holds the light at the object's place, half-way up the object.
 CaptureOptions capture_options(const SessionOptions& options, const std::optional<Board>& board,
                                const Scene& scene) {
   CaptureOptions capture;
@@ -73,7 +73,7 @@ CaptureOptions capture_options(const SessionOptions& options, const std::optiona
   return capture;
 }
 
-// Whether two maps light a scene alike, and are as well known; never where lights have places.
+// Whether two maps light a scene alike and are known equally well; never where lights have places.
 bool is_same_light(const Environment& a, const Environment& b) {
   return a.predicted_error == b.predicted_error && a.centre == b.centre && !a.box && !b.box &&
          a.light_positions.empty() && b.light_positions.empty() &&
@@ -111,7 +111,7 @@ void Session::judge_anew() {
 }
 
 void Session::make_stale() {
-  // What was left out may come back, and what was made by another method is old.
+  // A pass that was left out may come back, and what another method made is out of date.
   for (const PlannedPass& p : plan_.passes) {
     if (!p.included && (p.pass.id == PassId::shadow || p.pass.id == PassId::shade))
       renderer_->clear(p.pass.id);
@@ -138,7 +138,7 @@ void Session::choose_methods() {
   time_.restart();
 }
 
-// Steps of the time budget; never where the same bits are to come again.
+// Steps the time budget, but never where the same bits must come out again.
 void Session::watch_time(double milliseconds) {
   if (options_.milliseconds == 0 || !options_.adapt) return;
   if (time_.add(milliseconds, plan_.milliseconds, options_.milliseconds)) judge_.choose_anew();
@@ -163,13 +163,13 @@ void Session::update_plan(bool choose) {
     options.object_pixels = pixels;
   options.slowdown = time_.slowdown();
   options.light_in_turns = in_turns_, options.light_lag = double(light_lag_);
-  // Of light that stays, what is chosen must not depend on what was before.
+  // Under light that stays, the choice must not depend on earlier choices.
   const Methods before = plan_.methods;
   options.settled = !choose && plan_.picture_error;
   if (options.settled || (light_moves() && plan_.picture_error)) options.keep = &before;
   const bool bounced = plan_.includes(PassId::bounce), near_ = plan_.includes(PassId::near_light);
   plan_ = make_plan(scene_, environment_.get(), options);
-  // The light came to matter, or no longer does.
+  // Near lights came to matter, or no longer do.
   if (plan_.includes(PassId::near_light) != near_) {
     shares_.clear_near();
     stale_ |=
@@ -228,15 +228,15 @@ void Session::set_shadow_look(const ShadowLook& look) {
 }
 void Session::set_environment(std::shared_ptr<const Environment> environment) {
   environment = checked(std::move(environment));
-  // A map that is kept and written to is not known by its address: it is copied.
+  // A map that its owner writes to is not known by its address: it is copied.
   if (environment && environment == environment_) {
     environment = std::make_shared<const Environment>(*environment);
   } else if (fixed_environment_ && environment && is_same_light(*environment, *environment_)) {
     stream_.add_same();
     return;
   }
-  // Light that comes frame after frame, a little other each time, is taken as captured light is: it
-  // moves, and what can be seen of that fades; methods are judged anew where much of it is new.
+  // Light that is given frame after frame, a little different each time, is treated like captured
+  // light: it moves, and visible changes fade. Methods are judged anew where much of it is new.
   std::optional<LightSummary> light;
   if (fixed_environment_ && environment && stream_.follows())
     light = summary_of(environment->radiance);
@@ -260,7 +260,7 @@ void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
   replan();
 }
 
-// Before there is light, or where there is time for all, none is taken in turns.
+// No light is taken in turns before there is light, or where there is time for all of it.
 void Session::choose_turn(const Frame& frame) {
   const bool continuous = options_.methods.capture == CaptureMethod::continuous;
   in_turns_ = time_.spreads() && continuous && !fixed_environment_ && environment_ && lighting_;
@@ -279,7 +279,7 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   const std::optional<glm::dmat3> moved = tracker_.follow(frame, std::move(around), result);
   if (!moved) return;
   if (fixed_environment_ && !given_elsewhere_) {
-    // Not the board: what was given is turned against the place, or of another one.
+    // The board did not move: the given light is turned against the place, or of another one.
     given_elsewhere_ = true;
     return;
   }
@@ -318,8 +318,8 @@ LightingOptions Session::lighting_options() const {
 void Session::ensure_lighting() {
   const std::shared_ptr<const CubeMap> map = radiance();
   if (!lighting_ || lighting_->radiance != map) {
-    // No pass reads the irradiance, but the glossy look-up needs its chain; what only glows reads
-    // nothing.
+    // No pass reads the irradiance, but the glossy look-up needs its chain. A material that only
+    // glows reads nothing.
     Lighting chain;
     if (map) {
       LightingOptions options = lighting_options();
@@ -335,7 +335,6 @@ void Session::ensure_lighting() {
   }
 }
 
-// False where it had nothing to do.
 void Session::read_exposure(const Frame& frame, const Pose& drawn_from) {
   if (!fixed_environment_ || !meter_ || frame.back.empty() || frame.back_exposure) return;
   const ByteResponse codes(rig_.back.response);
@@ -346,6 +345,7 @@ void Session::read_exposure(const Frame& frame, const Pose& drawn_from) {
     back_exposure_ = glm::dot(*shown, one) / glm::dot(falls, one);
 }
 
+// False where the pass had nothing to do.
 bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from) {
   switch (id) {
     case PassId::track:
@@ -394,7 +394,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
 
 namespace {
 
-// Runs one of the passes, and notes it where it had something to do.
+// Runs one of the passes, and records it where it had something to do.
 template <typename Body>
 void timed(PassId id, FrameResult& result, Body&& body) {
   const Stopwatch watch;
@@ -419,7 +419,8 @@ void Session::run_passes(const std::vector<PassId>& due, const Frame& frame, Fra
   }
 }
 
-// Those that are due; where light is made in turns, what pictures made stale is held for its turn.
+// Runs the passes that are due. Where light is made in turns, what pictures made stale is held for
+// its turn.
 void Session::run_due(const Frame& frame, FrameResult& result) {
   const std::optional<Pose>& pose = result.back_from_marker;
   const Pose drawn_from = pose ? tracker_.pose_of_row(result, capture_.map().centre()) : Pose{};

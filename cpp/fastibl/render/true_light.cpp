@@ -79,8 +79,8 @@ bool same_around(const std::uint8_t* cells, std::size_t direction) {
 
 namespace {
 
-// Which pieces are free from a sample: as the texel where its neighbours in the face are the same,
-// else by rays. Pieces below the tangent plane may be called free.
+// Which pieces are free, seen from a sample: the same as their texel where its neighbours in the
+// face are like it, otherwise by rays. Pieces below the tangent plane may be called free.
 void free_pieces(const SceneSamples& samples, const BrightPieces& bright, std::size_t sample,
                  std::vector<std::uint8_t>& free) {
   constexpr std::size_t kCount = BrightPieces::kCount;
@@ -160,7 +160,7 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
 
 void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowMap& shadow,
               TrueLight& light) {
-  constexpr std::size_t kStep = 12;  // of the directions, other ones for each sample
+  constexpr std::size_t kStep = 12;  // one of so many directions, other ones for each sample
   const std::size_t directions = samples.direction_count();
   parallel_for(int(samples.surface.size()), kGrain, [&](int begin, int end) {
     std::vector<glm::vec2> points;

@@ -7,7 +7,7 @@ namespace fastibl {
 Workload workload_of(const Scene& scene, int width, int height, bool light_changes,
                      bool cast_shadow) {
   constexpr double kObject = 0.1;
-  constexpr double kGroups = 36;  // a vertex: 25 to 46 in five meshes
+  constexpr double kGroups = 36;  // per vertex: 25 to 46 in five meshes
   Workload work;
   work.width = width, work.height = height;
   work.object_pixels = kObject * width * height;

@@ -11,7 +11,7 @@
 namespace fastibl {
 namespace {
 
-// A texture that is at least so large: it does not shrink with the area from frame to frame.
+// Makes a texture at least this large: it does not shrink with the area from frame to frame.
 void make_room(Gpu& gpu, Texture& t, GLenum internal, GLenum format, int width, int height,
                GLenum type = GL_UNSIGNED_BYTE) {
   gpu.allocate(t, internal, std::max(width, t.width), std::max(height, t.height), format, type);
@@ -68,7 +68,8 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
                     bytes_.pixel(area_.x0, area_.y0));
     glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
   }
-  // 16 bits and floats are multiplied as they are: what lies beyond white stays so in the shade.
+  // Pictures of 16 bits or floats are multiplied as they are: what lies beyond white stays so in
+  // the shade.
   const bool deep = !matte && in.back.type != PixelType::uint8;
   if (deep) {
     make_room(gpu, linear_back_, GL_RGB32F, GL_RGB, width, height, GL_FLOAT);
@@ -120,7 +121,7 @@ Image<std::uint8_t> CompositePass::image(Gpu& gpu) {
   const int width = area_.width(), height = area_.height();
   const std::size_t size = std::size_t(width) * std::size_t(height) * 4;
   const Gpu::Scope scope(gpu);
-  // Into memory that the driver shares with the GPU, and from there where it belongs.
+  // Reads into memory that the driver shares with the GPU, and from there to where it belongs.
   if (!read_back_) read_back_ = gpu.new_buffer();
   glBindBuffer(GL_PIXEL_PACK_BUFFER, read_back_);
   if (size > read_back_size_) {
@@ -139,7 +140,7 @@ Image<std::uint8_t> CompositePass::image(Gpu& gpu) {
       std::copy_n(from, width * 4, to);
       continue;
     }
-    // Four bytes at once, of which the next pixel's write takes the last.
+    // Copies four bytes at once; the next pixel's write replaces the last of them.
     for (int x = 0; x + 1 < width; ++x, from += 4, to += 3) std::memcpy(to, from, 4);
     std::memcpy(to, from, 3);
   }
@@ -153,7 +154,7 @@ void CompositePass::present(Gpu& gpu, GLuint framebuffer, int width, int height)
   const GLenum format = bytes_.channels == 4 ? GL_RGBA : GL_RGB;
   std::vector<std::uint8_t> rgba;
   const std::uint8_t* data = bytes_.data.data();
-  if (format == GL_RGB) {  // the texture has four channels, as what is copied into it
+  if (format == GL_RGB) {  // the texture has four channels, like what is copied into it
     rgba.resize(bytes_.data.size() / 3 * 4, 255);
     for (std::size_t i = 0; i < rgba.size() / 4; ++i) std::copy_n(data + 3 * i, 3, &rgba[4 * i]);
     data = rgba.data();

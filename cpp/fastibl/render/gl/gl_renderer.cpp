@@ -38,7 +38,7 @@ class Gl final : public GlRenderer {
         check(false, "the GL back end has no pass ", name(pass));
     }
     if (!gpu_.own_context()) return;
-    // So that timings are of the work. Nothing is lost: the image is read back anyway.
+    // This makes timings cover the work. Nothing is lost: the image is read back anyway.
     glFinish();
     const GLenum error = glGetError();
     if (error != GL_NO_ERROR)
@@ -63,7 +63,7 @@ class Gl final : public GlRenderer {
 
  private:
   Gpu gpu_;
-  LightTextures light_;  // of two passes
+  LightTextures light_;  // shared by two passes
   ShadowPass shadow_;
   ShadePass shade_;
   CompositePass composite_;

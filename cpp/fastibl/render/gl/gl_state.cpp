@@ -10,7 +10,7 @@ GLint integer(GLenum name) {
 }
 void set(GLenum name, bool on) { on ? glEnable(name) : glDisable(name); }
 
-// What only desktop GL has.
+// Features that only desktop GL has.
 bool has_viewports() { return epoxy_is_desktop_gl() && epoxy_gl_version() >= 41; }
 bool has_clip_control() {
   return epoxy_is_desktop_gl() &&

@@ -11,7 +11,7 @@
 namespace fastibl {
 namespace {
 
-// Which texture unit a sampler reads; no program has two of the same unit.
+// Which texture unit a sampler reads; no program has two samplers of the same unit.
 constexpr std::pair<const char*, int> kUnits[] = {
     {"radiance", 0},      {"visible", 1},        {"triangles", 2},     {"vertices", 3},
     {"shares", 4},        {"albedo_table", 5},   {"spheres", 1},       {"response", 0},
@@ -68,7 +68,7 @@ Gpu::Gpu(bool own_context) {
 }
 
 Gpu::~Gpu() {
-  if (context_) return;  // takes all objects with it
+  if (context_) return;  // it takes all objects with it
   glDeleteTextures(GLsizei(textures_.size()), textures_.data());
   for (const auto& [key, program] : programs_) glDeleteProgram(program.id());
   glDeleteFramebuffers(2, framebuffers_);

@@ -10,10 +10,10 @@
 namespace fastibl {
 namespace {
 
-constexpr int kBakedSize = 32;  // texels along a face of a method that is no cube map itself
+constexpr int kBakedSize = 32;  // texels along a face, for a method that is no cube map itself
 
-// A rectangle into level k of the bound cube map; fits: that level has its size already, otherwise
-// the rectangle is its face.
+// Uploads a rectangle into level k of the bound cube map. fits: that level has its size already;
+// otherwise the rectangle is its whole face.
 void upload_rect(const Gpu& gpu, const CubeLevel& level, const FaceRect& r, int k, float scale,
                  bool fits) {
   const int width = r.width(), height = r.y1 - r.y0;
@@ -47,7 +47,7 @@ float largest_value(const CubeMap& map) {
   return largest;
 }
 
-// On each face a rectangle around the tiles whose versions differ; empty where none does.
+// On each face, a rectangle around the tiles whose versions differ; empty where none does.
 std::array<FaceRect, 6> changed_rects(const CubeMap& map,
                                       const std::vector<std::uint64_t>& versions) {
   std::array<FaceRect, 6> rects;
@@ -62,8 +62,8 @@ std::array<FaceRect, 6> changed_rects(const CubeMap& map,
   return rects;
 }
 
-// The texels of a level of m that a rectangle of the first level, of n, has a part in. Levels of an
-// odd size share texels with their neighbours.
+// The texels of a level of size m that a rectangle of the first level, of size n, has a part in.
+// Levels of an odd size share texels with their neighbours.
 FaceRect on_level(const FaceRect& r, int n, int m) {
   const int margin = (n & (n - 1)) == 0 ? 0 : 1;
   const auto low = [&](int i) { return std::max(0, int(std::int64_t(i) * m / n) - margin); };
@@ -103,7 +103,7 @@ void LightTextures::upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyCha
   upload_radiance(gpu, chain->map);
   if (chain == chain_) return;
   glActiveTexture(GL_TEXTURE0);
-  const bool fits = chain_ && chain_->exact == chain->exact;  // which their sizes depend on
+  const bool fits = chain_ && chain_->exact == chain->exact;  // the textures' sizes depend on it
   if (!lobes_.id) lobes_.id = gpu.new_texture(), first_lobe_.id = gpu.new_texture();
   glBindTexture(GL_TEXTURE_CUBE_MAP, first_lobe_.id);
   upload_level(gpu, chain->level(1), 0, 1 / radiance_scale_, fits);

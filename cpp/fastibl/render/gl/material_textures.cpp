@@ -13,7 +13,7 @@ constexpr const char* kNames[] = {"base_color_map", "metallic_map", "roughness_m
 constexpr std::size_t kEmission = 3;
 constexpr float kHalfMax = 65504;
 
-// A new texture each time: its size and channels may be others than before.
+// A new texture each time: its size and channels may differ from before.
 GLuint make(Gpu& gpu, const SurfaceTexture& map, float unit) {
   const GLuint id = gpu.new_texture();
   glActiveTexture(GL_TEXTURE0);

@@ -66,9 +66,9 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   mesh_ = scene.mesh;
 }
 
-// What is new where it is cut follows the mesh.
+// New vertices and triangles of the cut follow the mesh's own.
 void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
-  // Position, normal, the next position …; after all of them colours, where there are any.
+  // Position and normal of each vertex in turn; after all of them the colours, where there are any.
   std::vector<glm::vec4> vertices, tangents;
   std::vector<glm::vec2> uvs;
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {

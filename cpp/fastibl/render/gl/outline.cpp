@@ -54,7 +54,7 @@ Outline outline_of(const Mesh& mesh, const Camera& camera, const Pose& camera_fr
   outline.farthest = 1.001 * farthest;
   const Lens lens(camera);
   const glm::dvec2 reach = glm::max(glm::abs(ideal.lower), glm::abs(ideal.upper));
-  constexpr double kFar = 1000;  // on the plane z = 1: beyond, look vertex by vertex
+  constexpr double kFar = 1000;  // on the plane z = 1: beyond it, look vertex by vertex
   outline.whole = nearest > 1e-6 && glm::dot(reach, reach) < std::min(lens.limit2(), kFar * kFar);
   if (!outline.whole) {
     outline.area = picture;

@@ -51,7 +51,7 @@ GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
   return material.exponent < 1 ? GlossyVariant::nearly_matte : GlossyVariant::chain;
 }
 
-// What MeshBuffers reads of a scene.
+// The holdouts, as MeshBuffers reads a scene.
 Scene holdout_scene(const Scene& scene) {
   Scene real;
   real.mesh = scene.holdouts->mesh;
@@ -74,7 +74,7 @@ std::string colors(const Scene& scene) {
 
 std::string box(const Lighting& lighting) { return lighting.box ? "BOX 1" : "BOX 0"; }
 
-// From where the map is seen, and of which walls.
+// Where the map is seen from, and its box of walls.
 void set_surroundings(const Program& p, const Lighting& lighting) {
   const glm::vec3 centre = lighting.near_lights.centre;
   glUseProgram(p.id());
@@ -122,11 +122,11 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
     draw_colour(gpu, light, in);
 }
 
-// Which triangle each sample sees, one quarter of the target a sample.
+// Draws which triangle each sample sees; each sample has one quarter of the target.
 void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline,
                              const Outline& holdout, const Outline& around) {
   const int width = area_.width(), height = area_.height();
-  // Grown in steps, so that a moving object does not make new textures in every frame.
+  // The size grows in steps, so that a moving object does not make new textures in every frame.
   const auto step = [](int n) { return (n + 63) / 64 * 64; };
   const int quarter_width = std::max(step(width), visible_.width / 2),
             quarter_height = std::max(step(height), visible_.height / 2);
@@ -226,7 +226,7 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   draw_layer(gpu, p, in);
 }
 
-// The same of a pbr material.
+// The same for a pbr material.
 void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   const PbrMaterial& m = *in.scene.material.pbr;
   const Irradiance& e = in.lighting.irradiance;
@@ -293,7 +293,7 @@ void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p,
   }
 }
 
-// Their ratios, where they are seen.
+// The holdouts' ratios, where holdouts are seen.
 void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
   gpu.allocate(holdout_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
   const Program& p = gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "COLORS 0",

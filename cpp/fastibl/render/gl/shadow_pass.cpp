@@ -29,8 +29,8 @@ void ShadowPass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   const SphereSet spheres = in.scene.placed_spheres();
   const bool caps =
       options.method == ShadowMethod::cap_sum || options.method == ShadowMethod::cap_product;
-  // A method without a shader is the CPU's. Of the others this gives place and size: a map of
-  // 2 × 2 has border texels only, at which nothing is cast.
+  // A method without a shader runs on the CPU. For the others this gives the place and the size: a
+  // map of 2 × 2 has border texels only, where nothing is cast.
   options.resolution = caps ? 2 : 0;
   shadow_ = caster_.cast(*in.lighting.radiance, in.lighting.plane_irradiance, in.scene, options,
                          in.lighting.near_lights);
