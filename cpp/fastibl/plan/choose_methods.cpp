@@ -9,9 +9,9 @@ namespace fastibl {
 namespace {
 
 constexpr double kAsGood = 1.1;  // times the least error: no eye sees the difference
-// Times that differ by no more than this share are as good as the same: the smaller error decides.
-// Nine coefficients for the irradiance are quicker than a cube by less, and jump when the light
-// changes.
+// Times that differ by no more than this share count as the same: the smaller error decides. Nine
+// coefficients for the irradiance are quicker than a cube by less than that, and they jump when the
+// light changes.
 constexpr double kAsFast = 0.02;
 
 template <typename Visit>
@@ -24,7 +24,7 @@ void for_each(const MeasuredErrors& errors, Visit&& visit) {
           for (std::size_t sh = 0; sh < c.shadow.size(); ++sh) visit(Combination{d, g, s, sh, b});
 }
 
-// Only with the best of the shadows, for each bounce.
+// Visits only combinations with the best of the shadows, for each bounce.
 template <typename Visit>
 void for_each_best(const MeasuredErrors& errors, Visit&& visit) {
   const Candidates& c = errors.candidates;
@@ -44,7 +44,7 @@ void for_each_best(const MeasuredErrors& errors, Visit&& visit) {
   }
 }
 
-// Those that the methods name; nothing where one of them is no candidate.
+// The combination that the methods name; nothing where one of them is no candidate.
 std::optional<Combination> combination_of(const Candidates& c, const Methods& m) {
   const auto find = [](const auto& list, const auto& is) {
     return std::size_t(std::find_if(list.begin(), list.end(), is) - list.begin());
@@ -110,8 +110,8 @@ Choice choose_methods(const Methods& asked, const MeasuredErrors& errors, const 
       if (m == *options.keep)
         return {m, *at, error(*at), assured(*at), best, best_assured, milliseconds(m)};
     }
-  // Within reach: what the budget allows, or where that is less than any leaves, as good as the
-  // best.
+  // Within reach: what the budget allows or, where every choice leaves more than that, as good as
+  // the best.
   const double bar = options.error > 0 && best_assured <= options.error ? 0 : kAsGood * best;
   struct Rank {
     int group;      // lower is better

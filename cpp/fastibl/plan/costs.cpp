@@ -124,7 +124,7 @@ double shadow_cost(const Costs& c, const Methods& m) {
   }
 }
 
-// Of a baked shadow's three maps, or of a cast one's two.
+// Texels of a baked shadow's three maps, or of a cast one's two.
 double shadow_texels(const Methods& m) {
   constexpr double kTexels = 128 * 128;
   const double fine = m.shadow_settings.fine;
@@ -134,7 +134,7 @@ double shadow_texels(const Methods& m) {
 }  // namespace
 
 double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
-  constexpr double kTouched = 0.6;  // of an object's pixels: those whose lobes meet it
+  constexpr double kTouched = 0.6;  // of an object's pixels: those whose lobes meet the object
   const double pixels = double(w.width) * w.height;
   const bool transfer = knows_directions(m.self_shadow);
   double ns = 0;

@@ -16,10 +16,10 @@ glm::dvec3 mean_of(const CubeMap& map) {
   return map.level_at_most(kEnough).mean();
 }
 
-// What leaving out the bounce does to the plane's picture and the object's, by the light of the
-// plane: an object that reflects ρ of its light, at most 4π times the map's mean, sends the plane
-// at most all of it; a plane of the radiance that it is seen with lights the object by at most π
-// times that. Nothing where the light is not known.
+// How much leaving out the bounce changes the pictures of the plane and the object, relative to the
+// plane's light. An object that reflects ρ of its light, at most 4π times the map's mean, sends the
+// plane at most all of it. A plane lights the object by at most π times the radiance that it is
+// seen with. Nothing where the light is not known.
 std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting) {
   const Material& m = scene.material;
   const glm::vec3 sent = !m.pbr ? m.diffuse + (m.exponent == 0 ? m.glossy : glm::vec3(0))
@@ -57,11 +57,11 @@ Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods
   return {asked ? "no bounce was asked for" : dispensable, std::nullopt};
 }
 
-// A share of the error budget that leaving the places of near lights out may take.
+// A share of the error budget that leaving out the places of near lights may take.
 constexpr double kNearBudget = 0.1;
 
-// What leaving out the places of near lights does to the irradiance of the object, by the mean
-// irradiance over all normals, π times the map's mean; see most_change().
+// How much leaving out the places of near lights changes the object's irradiance, relative to the
+// mean irradiance over all normals, π times the map's mean; see most_change().
 double near_bound(const Scene& scene, const Lighting& lighting) {
   const Bounds box = bounds(scene.mesh.vertices);
   const glm::vec3 middle(scene.marker_from_object * glm::dvec3(box.centre()));

@@ -12,7 +12,8 @@ namespace {
 
 using namespace product;
 
-// What comes from outside where its pass is left out; of other passes left out there is no need.
+// Products that come from outside where their pass is left out. Those of other passes left out are
+// not needed.
 constexpr Products kGivable = pose | texels | radiance;
 
 Pass pass_of(PassId id, const Scene& scene) {
@@ -99,7 +100,7 @@ std::optional<double> Plan::omission_bound() const {
 
 namespace {
 
-// Methods by what they leave wrong under this light, where that was measured and there is a budget.
+// Chooses methods by their error under this light, where it was measured and there is a budget.
 std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options, const Workload& work) {
   if (!options.measured || options.measured->empty()) return std::nullopt;
   if (options.error == 0 && options.milliseconds == 0) return std::nullopt;
@@ -119,7 +120,7 @@ std::optional<Choice> chosen(const Scene& scene, const PlanOptions& options, con
   return choose_methods(options.methods, *options.measured, options.costs, work, choice);
 }
 
-// Why a step is left out that the choice of methods does without.
+// Why a step is left out that the chosen methods do without.
 const char* why_dispensable(const PlanOptions& options, const std::optional<Choice>& choice) {
   const bool within = choice && options.error > 0 && choice->assured <= options.error;
   if (options.milliseconds > 0 && !within) return "the time budget leaves none for it";
@@ -128,7 +129,7 @@ const char* why_dispensable(const PlanOptions& options, const std::optional<Choi
   return "the picture is within the error budget without it";
 }
 
-// What a pass's method alone leaves wrong, or what leaving the pass out does in the worst view.
+// Sets the error of a pass's method alone, or that of leaving the pass out in the worst view.
 void set_measured_error(const Choice& choice, const MeasuredErrors& measured, PlannedPass& line) {
   const auto set = [&](const ErrorAlone& squared) {
     if (line.included)
@@ -196,7 +197,7 @@ std::string shading_of(const Material& material, const Methods& methods, const L
   return shading;
 }
 
-// Of a pass, where there is a choice. fitted: the light that was, or null.
+// The method of a pass, where there is a choice. fitted: the light that was fitted, or null.
 std::string method_of(PassId id, const Scene& scene, const Methods& methods, const Lighting* fitted,
                       const Plan& plan) {
   switch (id) {
@@ -279,7 +280,8 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     Omission omission = omission_of(id, scene, environment, options, plan, dispensable);
     PlannedPass line{pass_of(id, scene), omission.reason.empty()};
     line.reason = std::move(omission.reason), line.bound = omission.bound;
-    // Where methods were chosen, those go by what was measured; else they are those of the light.
+    // Where methods were chosen, they go by what was measured; otherwise they are those of the
+    // light.
     const Lighting* fitted = choice ? nullptr : options.lighting;
     line.method = method_of(id, scene, methods, fitted, plan);
     if (id == PassId::capture && environment && options.capture)
@@ -301,7 +303,7 @@ std::vector<PassId> due_passes(const Plan& plan, Products wanted, Products& stal
   for (auto p = plan.passes.rbegin(); p != plan.passes.rend(); ++p)
     if (p->included && (p->pass.writes & needed)) needed |= p->pass.reads | p->pass.needs;
   std::vector<PassId> due;
-  Products unused = 0;  // what nobody makes now; it stays old until its pass is back
+  Products unused = 0;  // what no pass makes now; it stays old until its pass is back
   for (const PlannedPass& p : plan.passes) {
     if (!p.included && (p.pass.writes & kGivable)) continue;
     if (p.pass.reads & stale & ~unused) stale |= p.pass.writes;
