@@ -48,7 +48,7 @@ std::vector<glm::vec3> cosine_directions(int count) {
   return directions;
 }
 
-// Frame about a vertex normal, turned by another angle at each vertex.
+// Frame about a vertex normal, turned by a different angle at each vertex.
 glm::mat3 vertex_frame(glm::vec3 n, int vertex) {
   glm::vec3 u, v;
   basis(n, u, v);
@@ -56,8 +56,8 @@ glm::mat3 vertex_frame(glm::vec3 n, int vertex) {
   return {c * u + s * v, c * v - s * u, n};
 }
 
-// Sets hidden[i] where direction i meets one of the spheres, given as (m, h), m the vector to its
-// centre and h = √(m² − radius²) the distance to its outline: where d · m > h.
+// Sets hidden[i] where direction i, d, meets one of the spheres: where d · m > h. A sphere is given
+// as (m, h): m is the vector to its centre, h = √(m² − radius²) the distance to its outline.
 FASTIBL_CLONES void hide(const float* x, const float* y, const float* z, int blocks,
                          const float* spheres, int count, std::int32_t* hidden) {
   for (int b = 0; b < blocks; ++b) {
@@ -113,7 +113,7 @@ std::vector<float> sphere_ambient_occlusion(const Mesh& mesh, const SphereSet& s
       for (const glm::vec4& s : spheres) {
         const glm::vec3 m = (glm::vec3(s) - mesh.vertices[std::size_t(i)]) * frame;
         const float squared = glm::dot(m, m) - s.w * s.w;
-        // Not finite, or the vertex inside, or all of it below the horizon.
+        // Skip one that is not finite, holds the vertex, or lies wholly below the horizon.
         if (!(s.w > 0 && squared > 0 && squared < kInfinity && m.z > -s.w)) continue;
         around.emplace_back(m, std::sqrt(squared));
       }

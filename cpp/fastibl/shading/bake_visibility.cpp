@@ -22,7 +22,7 @@ void check_size(int size) {
       "visibility needs 16, 32, 64 or 128 cells along an edge, got ", size);
 }
 
-// Cells of one vertex, 1 where it is blocked; those below its tangent plane are not.
+// Cells of one vertex: 1 where it is blocked; cells below its tangent plane are not.
 using Cells = std::vector<std::uint8_t>;
 
 struct Baked {  // of a block of vertices
@@ -36,7 +36,7 @@ void append(const Cells& blocked, Baked& baked) {
   baked.counts.push_back(std::uint32_t(baked.edges.size() - begin));
 }
 
-// blocked_around(vertex, normal, cells): fills the cells of one vertex.
+// blocked_around(vertex, normal, cells) fills the cells of one vertex.
 template <typename Around>
 VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, int size,
                        Around&& blocked_around) {
@@ -57,8 +57,8 @@ VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, in
   return result;
 }
 
-// Asks rays about some cells, and marks those that are blocked. Cells in order are neighbours, so
-// that packets of rays stay together.
+// Traces rays towards some cells, and marks those that are blocked. Cells in order are neighbours,
+// so that packets of rays stay together.
 void trace(const Bvh& bvh, glm::vec3 origin, const std::vector<glm::vec3>& directions,
            const std::vector<int>& asked, Cells& blocked) {
   if (asked.empty()) return;
@@ -69,8 +69,8 @@ void trace(const Bvh& bvh, glm::vec3 origin, const std::vector<glm::vec3>& direc
   for (std::size_t i = 0; i < asked.size(); ++i) blocked[std::size_t(asked[i])] = hidden[i];
 }
 
-// Rays towards the coarsest cells, then towards the four parts of those that differ from a
-// neighbour, which the silhouette of what blocks passes near; the other parts are as the whole.
+// Traces rays towards the coarsest cells, then towards the four parts of cells that differ from a
+// neighbour, near which a blocker's silhouette passes. Other parts are as their whole.
 Cells blocked_cells(const Bvh& bvh, glm::vec3 origin, glm::vec3 normal, int size) {
   const std::vector<glm::vec3>& first = octahedral_grid(kFirstSize).directions();
   std::vector<int> asked;
@@ -156,7 +156,8 @@ VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,
     for (const glm::vec4& s : spheres) {
       const glm::vec3 to = glm::vec3(s) - vertices[i];
       const float beyond = glm::dot(to, to) - s.w * s.w;  // the tangent's length, squared
-      // Contains the vertex, lies below its tangent plane, or is none (NaN fails every comparison).
+      // It holds the vertex, lies below its tangent plane, or is no sphere (NaN fails every
+      // comparison).
       if (!(s.w > 0) || !(beyond > 0) || !std::isfinite(beyond) || !(glm::dot(to, normal) > -s.w))
         continue;
       block_cap(d.x.data(), d.y.data(), d.z.data(), count, &to.x, std::sqrt(beyond), cells.data());

@@ -19,10 +19,10 @@ constexpr int kSamples = 2;           // of the ratio in a cell, along an edge
 constexpr float kTextureTexels = 64;  // along an edge of the level of a texture that is read
 constexpr int kReach = 2;             // times the exchange's extent
 constexpr float kFade = 0.25f;        // of the way to its end
-constexpr int kViews = 32;            // that what leaves a dielectric is a mean of
-constexpr int kRoughnesses = 16;      // it is worked out for, if there are many
+constexpr int kViews = 32;            // averaged for the light that leaves a dielectric
+constexpr int kRoughnesses = 16;      // for which that light is worked out, if there are many
 
-// Part of what a dielectric's body sends out that its surface does not keep, over all directions.
+// Share of the light from a dielectric's body that its surface lets out, over all directions.
 float transmitted(const GgxAlbedo& albedo, float roughness) {
   float sum = 0;
   for (int i = 0; i < kViews; ++i) {
@@ -45,7 +45,7 @@ float mean_level(const SurfaceTexture& map) {
   return std::log2(std::max(float(std::max(map.width(), map.height())) / kTextureTexels, 1.0f));
 }
 
-// Share of what lights the plane without the object that is left in each cell, minus 1.
+// Share of the plane's light without the object that is left in each cell, minus 1.
 Image<float> mean_change(const ShadowMap& shadow, const PlaneExchange& exchange,
                          const PlaneMotion& motion) {
   const int n = exchange.cells(), fine = n * kSamples;
@@ -69,8 +69,8 @@ Image<float> mean_change(const ShadowMap& shadow, const PlaneExchange& exchange,
   return change;
 }
 
-// Over the cells of an exchange and as far again around them, where what an object sends to the
-// plane falls with the third power of the distance; it fades before the end, where a ring of zeros
+// Extends the cells of an exchange by as far again around them, where what an object sends to the
+// plane falls with the third power of the distance. It fades before the end, where a ring of zeros
 // is.
 Image<float> extended(const Image<float>& cells) {
   const int n = cells.width, width = 2 * kReach * (n / 2) + n % 2 + 2;
@@ -105,7 +105,7 @@ Image<float> extended(const Image<float>& cells) {
   return out;
 }
 
-// Gain and 1, which is 1 outside, as a map that is quick to look up.
+// The gain plus 1, which is 1 outside, as a map that is quick to look up.
 ShadowMap map_of(const Bounce& bounce) {
   ShadowMap map;
   map.ratio = bounce.gain, map.centre = bounce.centre, map.extent = bounce.extent;
@@ -131,8 +131,8 @@ FASTIBL_CLONES void place_points(glm::vec2 first, glm::vec2 step, int count,
     out[2 * x] = first.x + float(x) * step.x, out[2 * x + 1] = first.y + float(x) * step.y;
 }
 
-// The ratio as the look has it, and the gain, at each texel of a map. share: of the way to where
-// shadows fade that the map's edge is at; n: texels of the map that reaches there.
+// Applies the look to the ratio and adds the gain, at each texel of a map. share: how far the map's
+// edge lies on the way to where shadows fade; n: texels of a map that reaches there.
 void add_gain(Image<float>& ratio, glm::vec2 centre, float extent, const ShadowLook& look,
               const Bounce& bounce, const ShadowLookUp& gains, float share, float n) {
   const PlaneMotion back = bounce.motion.inverse();
@@ -155,7 +155,7 @@ void add_gain(Image<float>& ratio, glm::vec2 centre, float extent, const ShadowL
                    &points[0].x);
       gains.sample(points, found);
       const glm::vec2 corner = share * glm::vec2(offset(0), offset(y));
-      if (shared::shadow_keep(corner, n) == 1) {  // and so all between
+      if (shared::shadow_keep(corner, n) == 1) {  // and so for all between
         add_whole(&found[0].x, 3 * width, r);
         continue;
       }
@@ -171,7 +171,7 @@ void add_gain(Image<float>& ratio, glm::vec2 centre, float extent, const ShadowL
 std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh) {
   if (!material.pbr) {
     glm::vec3 diffuse = material.diffuse;
-    if (material.exponent == 0) diffuse += material.glossy;  // Lambert's law, too
+    if (material.exponent == 0) diffuse += material.glossy;  // follows Lambert's law, too
     std::vector<Exitance> out(mesh.vertices.size(), {diffuse, kPi * material.emission});
     for (std::size_t i = 0; i < mesh.colors.size(); ++i)
       out[i].reflectance += material.diffuse * (mesh.colors[i] - 1.0f);

@@ -80,7 +80,7 @@ class PlaneShadow {
   }
   const Rectangle& area() const { return area_; }
 
-  // Of pixels [x0, x0 + ratios.size()) of row y.
+  // Ratios of pixels [x0, x0 + ratios.size()) of row y.
   void row(int y, int x0, std::vector<glm::vec3>& ratios) const {
     std::fill(ratios.begin(), ratios.end(), glm::vec3(1));
     const int begin = std::max(x0, area_.x0),
@@ -128,8 +128,8 @@ void multiply(const float* a, const float* b, int count, float* __restrict out) 
   for (int i = 0; i < count; ++i) out[i] = a[i] * b[i];
 }
 
-// Writes other codes; what is beyond the response's levels, black and white, stays there unless it
-// becomes another code.
+// Writes the codes that changed. What is beyond the response's levels, black and white, stays there
+// unless its code becomes another one.
 FASTIBL_CLONES
 void keep_changed(const std::uint8_t* codes, std::uint8_t black, std::uint8_t white, int count,
                   std::uint8_t* __restrict out) {
@@ -158,7 +158,7 @@ bool all_between(const float* factors, int count, float least, float most) {
   return outside == 0;
 }
 
-// Ratio of what is seen beside the object, of which a real object h covers a part with its own.
+// Ratio of what is seen beside the object. A real object h covers a part of it with its own ratio.
 glm::vec3 with_holdout(glm::vec3 plane, float object, glm::vec4 h) {
   const float free = 1 - object;
   if (h.w == 0 || !(free > 0)) return plane;
@@ -232,7 +232,7 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
         table.response.encode(&after[0].x, codes.data(), std::size_t(values));
         keep_changed(codes.data(), table.response.encode(0), table.response.encode(1), values, p);
       };
-      // Most of the plane is as bright as it was, by less than a code.
+      // Most of the plane changes its brightness by less than a code.
       for (int x = 0; x < width; x += kStretch) {
         const int last = std::min(x + kStretch, width);
         if ((x >= drawn.end || last <= drawn.begin) &&

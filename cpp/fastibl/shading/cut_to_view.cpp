@@ -13,14 +13,14 @@ constexpr double kMargin = 0.1;  // of the picture's size
 constexpr int kSides = 32;       // of the polygon within the circle up to which a lens model goes
 constexpr double kBend = 0.2;    // pixels
 constexpr double kFarthest = 1000;           // on the plane z = 1
-constexpr int kMostHalved = 32;              // times that a triangle is
+constexpr int kMostHalved = 32;              // times that a triangle is halved
 constexpr std::size_t kMostParts = 1 << 16;  // beyond, of a lens that is none, edges stay straight
 
 struct Box {
   glm::dvec2 lower, upper;
 };
 
-// What the picture shows of the plane z = 1, and a tenth of its size around.
+// The part of the plane z = 1 that the picture shows, and a tenth of its size around.
 Box seen(const Lens& lens, const Camera& camera) {
   const glm::dvec2 size(camera.width, camera.height);
   const double farther = std::min(std::sqrt(lens.limit2()), kFarthest);
@@ -46,7 +46,7 @@ struct Corner {
   int vertex;  // -1: new
 };
 
-// Where the edge meets the plane, by its ends' places alone: a neighbour's cut of it is the same.
+// Where the edge meets the plane, by its ends' places alone, so that a neighbour cuts it alike.
 Corner crossing(const Corner& inner, const Corner& outer, double inside, double outside) {
   const double t = inside / (inside - outside);
   return {glm::mix(inner.position, outer.position, t), glm::mix(inner.weights, outer.weights, t),
@@ -73,8 +73,8 @@ void number(Corner& c, int triangle, const Mesh& mesh, CutMesh& result) {
   result.vertices.push_back({c.position, triangle, glm::vec3(c.weights)});
 }
 
-// What is at the middle of the line between their pictures, were there no lens; the same from
-// either end.
+// The point in the middle of the line between their pictures, as if there were no lens. It is the
+// same from either end.
 Corner middle(const ViewVolume& volume, const Corner& a, const Corner& b) {
   const double at_a = volume.depth(a.position), at_b = volume.depth(b.position);
   const double part = 1 / (at_a + at_b);
@@ -82,14 +82,15 @@ Corner middle(const ViewVolume& volume, const Corner& a, const Corner& b) {
           part * (at_b * a.weights + at_a * b.weights), -1};
 }
 
-// The length of the line between their pictures where the lens bends it, were there none; else 0.
+// Length of the line between their pictures, as if there were no lens, where the lens bends it;
+// else 0.
 double bent(const ViewVolume& volume, const glm::dvec3& a, const glm::dvec3& b) {
   const glm::dvec2 from = volume.ideal(a), to = volume.ideal(b);
   return volume.bends(from, to) ? glm::distance(from, to) : 0.0;
 }
 
-// Adds a triangle, in parts where the lens bends its edges. Whether one is halved depends on its
-// ends alone.
+// Adds a triangle, in parts where the lens bends its edges. Whether an edge is halved depends on
+// its ends alone.
 void split(const ViewVolume& volume, const Corner& a, const Corner& b, const Corner& c,
            int triangle, const Mesh& mesh, int halved, CutMesh& result) {
   const double ab = bent(volume, a.position, b.position), bc = bent(volume, b.position, c.position),
@@ -117,7 +118,7 @@ double least_bent(const Camera& camera) {
   if (lens.trivial()) return std::numeric_limits<double>::infinity();
   const auto [lower, upper] = seen(lens, camera);
   const glm::dvec2 focal(camera.fx, camera.fy);
-  double most = 0;  // pixels, of the second derivative along a line
+  double most = 0;  // pixels: largest second derivative along a line
   for (int i = 0; i <= kSteps; ++i)
     for (int j = 0; j <= kSteps; ++j) {
       const glm::dvec2 p = glm::mix(lower, upper, glm::dvec2(i, j) / double(kSteps));
@@ -130,8 +131,8 @@ double least_bent(const Camera& camera) {
         most = std::max(most, glm::length(focal * ((after - before) * along)) / (2 * kStep));
       }
     }
-  // Off the chord of a line by at most an eighth of that times its squared length. One that is as
-  // long as the margin may be bent more, beyond it.
+  // A line is off its chord by at most an eighth of that times its squared length. One that is as
+  // long as the margin may be bent more, beyond the margin.
   const glm::dvec2 margin = kMargin / (1 + 2 * kMargin) * (upper - lower);
   return std::min({std::sqrt(8 * kBend / (kMore * most)), margin.x, margin.y});
 }

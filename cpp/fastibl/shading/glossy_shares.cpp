@@ -11,7 +11,7 @@ namespace fastibl {
 namespace {
 
 constexpr int kGrain = 64;         // vertices
-constexpr float kBehind = -0.25f;  // n · v of vertices that no pixel is seen between
+constexpr float kBehind = -0.25f;  // n · v of vertices between which no pixel is seen
 
 }  // namespace
 

@@ -17,10 +17,10 @@ namespace {
 
 constexpr std::size_t kMostTriangles = 32000;  // after cutting
 constexpr float kDetail = 0.15f;  // longest edge of a triangle near the object, by its radius
-constexpr float kNear = 2;        // radii from its middle: from there on edges may be longer, by
-constexpr float kMidst = 1;       // of them, within which the object may move
-constexpr float kGrowths[] = {0, 0.02f, 0.05f, 0.1f, 0.2f, 0.4f};  // so much of the distance
-constexpr float kOffset = 1e-4f;  // of the object's radius, from where rays to it start
+constexpr float kNear = 2;        // radii from its middle, beyond which edges may be longer
+constexpr float kMidst = 1;       // radii within which the object may move
+constexpr float kGrowths[] = {0, 0.02f, 0.05f, 0.1f, 0.2f, 0.4f};  // edge length by distance beyond
+constexpr float kOffset = 1e-4f;  // of the object's radius: how far out rays to it start
 constexpr int kSize = 64;         // cells of the sphere along an edge
 constexpr int kGrain = 64;        // vertices
 
@@ -52,7 +52,7 @@ void append(const Mesh& given, glm::vec3 object, Mesh& all) {
   for (const glm::ivec3& t : part.triangles) all.triangles.push_back(t + first);
 }
 
-// The longest edge around a place.
+// The longest edge allowed around a place.
 struct EdgeLimit {
   glm::vec3 centre;
   float radius, detail, growth;
@@ -61,9 +61,9 @@ struct EdgeLimit {
   }
 };
 
-// Cuts every edge that is longer in half, until none is: by its own place and length alone, so that
-// triangles beside each other cut the edge that they share alike. False, and half done, where that
-// takes too many triangles.
+// Halves every edge that is longer than the limit, until none is. An edge's place and length alone
+// decide, so that neighbouring triangles cut the edge that they share alike. False, and half done,
+// where that takes too many triangles.
 bool cut(Mesh& mesh, const EdgeLimit& limit) {
   const std::size_t most = std::max(kMostTriangles, mesh.triangles.size());
   for (bool more = true; more;) {
@@ -92,7 +92,7 @@ bool cut(Mesh& mesh, const EdgeLimit& limit) {
                          {{t[0], m[0], m[2]}, {m[0], t[1], m[1]}, {m[2], m[1], t[2]}, m});
         continue;
       }
-      // Turned so that the first edge is cut, and with two cut ones the second, too.
+      // Turned so that the first edge is cut and, where two are, the second as well.
       while (count > 0 && (m[0] < 0 || (count == 2 && m[1] < 0)))
         t = {t[1], t[2], t[0]}, m = {m[1], m[2], m[0]};
       if (count == 0)
@@ -139,7 +139,7 @@ Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius)
 
 namespace {
 
-// Of the object where it stands.
+// The object's centre where it stands.
 glm::vec3 centre_of(const Scene& scene, const Bounds& box) {
   return glm::vec3(scene.marker_from_object * glm::dvec3(box.centre()));
 }

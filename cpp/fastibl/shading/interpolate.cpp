@@ -8,7 +8,7 @@
 namespace fastibl {
 namespace {
 
-// All sixteen numbers of a corner at once.
+// Interpolates all sixteen numbers of a corner at once.
 FASTIBL_CLONES
 void interpolate(const TrianglePart* parts, std::size_t count, const DrawnTriangle* triangles,
                  const Varying* varyings, Varying* out) {
@@ -33,7 +33,7 @@ void interpolate(const TrianglePart* parts, std::size_t count, const DrawnTriang
 DrawnTriangle::DrawnTriangle(int triangle, glm::ivec3 indices, const PictureCorner& a,
                              const PictureCorner& b, const PictureCorner& c)
     : name(triangle), corners(indices), x(a.x), y(a.y), at_first(a.inverse_depth, 0, 0) {
-  // Edge functions by the area: 1 at a corner, 0 along the edge that faces it.
+  // Edge functions divided by the area: 1 at a corner, 0 along the edge that faces it.
   const glm::dvec3 scale =
       glm::dvec3(a.inverse_depth, b.inverse_depth, c.inverse_depth) / double(edge(a, b, c.x, c.y));
   by_x = scale * glm::dvec3(b.y - c.y, c.y - a.y, a.y - b.y);

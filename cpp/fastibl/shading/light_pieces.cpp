@@ -16,7 +16,8 @@ struct Piece {
   float solid_angle;
 };
 
-// By the map's levels, from the coarsest down: those of which each has half the texels of the next.
+// Splits a map by its levels, from the coarsest down: those that each have half the texels of the
+// next.
 class Splitter {
  public:
   Splitter(const CubeMap& map, int count) : map_(map) {
@@ -41,7 +42,7 @@ class Splitter {
   glm::vec3 flux(int level, int face, int x, int y) const {
     return angle(level, x, y) * map_.level(level).texel(face, x, y);
   }
-  // How many times too much light it holds.
+  // How many times too much light a texel holds.
   float excess(glm::vec3 light) const {
     float most = 0;
     for (int c = 0; c < 3; ++c)
@@ -61,7 +62,8 @@ class Splitter {
     const float part = 1 / float(cuts * cuts);
     for (int v = 0; v < cuts; ++v)
       for (int u = 0; u < cuts; ++u) {
-        // Anywhere in it, by Roberts' R2 sequence: middles in rows would all meet an edge at once.
+        // Anywhere in the piece, by Roberts' R2 sequence: middles in rows would all meet an edge at
+        // once.
         const double aside = double(pieces.size()) * 0.7548776662466927,
                      down = double(pieces.size()) * 0.5698402909980532;
         const glm::dvec2 at(x * cuts + u + aside - std::floor(aside),

@@ -31,7 +31,7 @@ FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, co
     height = cosine / (d * d * (mask > 1e-9f ? mask : none + 1e-9f));
     return;
   }
-  Lanes away = 1 - half, logarithm;  // half < 1 by rounding alone is 1
+  Lanes away = 1 - half, logarithm;  // half < 1 by rounding alone counts as 1
   away = away > 0 ? away : none;
   away = away < 0.999999f ? away : none + 0.999999f;
   log1m(away, logarithm);

@@ -20,7 +20,7 @@ namespace {
 using Cells = LobeCells::Cells;
 using Flux = LobeCells::Flux;
 
-// Cells of a group: one cell of a grid of a quarter of the size.
+// The cells of a group make up one cell of a grid of a quarter of the size.
 constexpr int kLanes = HiddenCells::kGroup;
 constexpr int kFinest = 64;     // cells along an edge
 constexpr float kReach = 2.2f;  // of a Blinn lobe, standard deviations
@@ -111,15 +111,15 @@ struct Hidden {
   float weights[kCorners];
 };
 
-// axis: the lobe's middle; groups whose product with it is above `least` are looked at cell by
-// cell; `far`: the others as a whole.
+// axis: the lobe's middle. Groups whose product with it is above `least` are looked at cell by
+// cell. far: whether the others are looked at as a whole.
 template <int kCorners>
 FASTIBL_INLINE void add_up(const Cells& cells, const Flux& flux, const View& view,
                            const float* axis, float least, const Hidden<kCorners>& hidden, bool far,
                            Sums* sums) {
   float all[kLanes] = {}, lost[kLanes] = {};
   float near[kLanes], weight[kLanes];
-  // Most places between corners are only asked where one of these meets the object.
+  // Places between corners are mostly asked only where one of the corners meets the object.
   int any = far || kCorners > 1;
   for (int g = 0; g < cells.groups && kCorners == 1; ++g) {
     const float product = cells.group_x[std::size_t(g)] * axis[0] +
@@ -179,14 +179,14 @@ FASTIBL_CLONES void add_up_between(const Cells& cells, const Flux& flux, const V
 // Cells along an edge of which two are no wider than the lobe's standard deviation.
 int size_for(float width) { return width > 0.75f ? 16 : width > 0.24f ? 32 : kFinest; }
 
-// A lobe's exponent, the cells that it is summed over, and the cosine of what is in its reach.
+// A lobe's exponent, the cells that it is summed over, and the cosine of its reach.
 struct Reach {
   float exponent, least;
   int size;
   const Cells* cells;
 };
 Reach reach_of(const LobeShape& lobe) {
-  // Sharper ones fall between the middles of cells.
+  // Sharper lobes fall between the middles of cells.
   constexpr float kSharpest = 3600, kWidest = 1e-2f;
   Reach at{};
   at.exponent = std::clamp(lobe.exponent, kWidest, kSharpest);
@@ -204,7 +204,7 @@ double lobe_groups(const std::optional<LobeShape>& lobe) {
   if (!lobe) return 0;
   const Reach at = reach_of(*lobe);
   const double near = std::min(0.5 * (1 - double(at.least)), 1.0) * at.cells->groups;
-  // Those of a GGX lobe's tail are cells of a coarser grid.
+  // In a GGX lobe's tail, groups are cells of a coarser grid.
   return 1 + near + (lobe->ggx ? (at.cells->groups - near) / kLanes : 0);
 }
 

@@ -13,11 +13,11 @@ namespace fastibl {
 namespace {
 
 constexpr int kGrain = 256;  // vertices
-// Of a light's disc at which the object is looked for: at most, and of two cells.
+// Points of a light's disc where the object is looked for: the most, and the cells for each.
 constexpr int kMostPoints = 16;
 constexpr float kPointArea = 2;
 
-// What is free between the middles of four cells.
+// The free share between the middles of four cells.
 float free_share(const HiddenCells& hidden, const OctahedralGrid::Corners& corners) {
   float free = 0;
   for (int k = 0; k < 4; ++k) free += hidden[corners.cells[k]] ? 0 : corners.shares[k];
@@ -69,7 +69,7 @@ struct Disc {
   }
 };
 
-// Part of a light's disc that is free, of what lies above the tangent plane.
+// Free part of a light's disc, among what lies above the tangent plane.
 float free_part(const HiddenCells& hidden, const Disc& disc, glm::vec3 normal) {
   if (disc.count == 1) return free_share(hidden, disc.corners[0]);
   float free = 0;
@@ -93,7 +93,7 @@ bool hardly_moved(const NearLight& a, const NearLight& b) {
 
 std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& lighting,
                                           SharesOf of) {
-  // Of surfaces that are seen from behind, both sides.
+  // Surfaces that are seen from behind count with both sides.
   const std::size_t vertices = scene.mesh.vertices.size(),
                     count = vertices * std::size_t(scene.sides());
   const NearLights& near_lights = lighting.near_lights;
@@ -123,7 +123,7 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
   kept_ = std::move(now);
 
   const OctahedralGrid* grid = visibility ? &octahedral_grid(visibility->size) : nullptr;
-  // Of each light that moved, as the map's centre sees it.
+  // The disc of each light that moved, as the map's centre sees it.
   std::vector<Disc> discs;
   if (grid)
     for (const std::size_t k : moved)

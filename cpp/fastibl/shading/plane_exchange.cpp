@@ -22,13 +22,13 @@ constexpr std::size_t kGroup = 8;  // cells, row by row, that are worked on toge
 constexpr std::size_t kQuad = 4;   // groups whose shares are stored together
 static_assert(kGroup * sizeof(float) == sizeof(Float8));
 
-// All groups of a square of cells, and their cells.
+// The number of groups of a square of cells, and of their cells.
 std::size_t group_count(int cells) {
   return (std::size_t(cells) * std::size_t(cells) + kGroup - 1) / kGroup;
 }
 std::size_t padded(int cells) { return kGroup * group_count(cells); }
 
-// Shares of the cells of four groups: word k holds that of cell k, byte by byte of each group.
+// Shares of the cells of four groups: word k holds those of cell k, one byte for each group.
 using QuadShares [[gnu::vector_size(4 * kGroup), gnu::aligned(4), gnu::may_alias]] = std::uint32_t;
 using Counts [[gnu::vector_size(4 * kGroup)]] = std::int32_t;
 
@@ -54,7 +54,7 @@ void add_sent(const std::uint16_t* groups, const std::uint32_t* shares, std::siz
     }
 }
 
-// What one vertex gets of cells that send out red, green and blue.
+// Sums what one vertex receives from cells that send out red, green and blue.
 FASTIBL_CLONES
 void sum_received(const std::uint16_t* groups, const std::uint32_t* shares, std::size_t quads,
                   const float* sent, std::size_t count, glm::vec3& received) {
@@ -75,7 +75,7 @@ void sum_received(const std::uint16_t* groups, const std::uint32_t* shares, std:
 
 bool finite(glm::vec2 v) { return std::isfinite(v.x) && std::isfinite(v.y); }
 
-// Where light of a vertex leaves, and comes in: the vertex itself, or a point of a large triangle.
+// Where a vertex's light leaves and arrives: the vertex itself, or a point of a large triangle.
 struct Source {
   glm::vec3 from, normal;  // marker frame
   std::size_t sees;        // the vertex whose visibility is nearest
@@ -83,8 +83,8 @@ struct Source {
   bool touches;            // the plane, with its back to the light: nothing of it comes out
 };
 
-// Of each vertex. Triangles of more than half a cell are taken at as many points as that needs: all
-// light of a corner that lies on the plane would fall on one cell.
+// Sources of each vertex. Triangles of more than half a cell have as many points as they need:
+// otherwise all light of a corner that lies on the plane would fall on one cell.
 class Sources {
  public:
   Sources(const Mesh& mesh, std::span<const glm::vec3> placed, std::span<const glm::vec3> normals,
@@ -138,8 +138,8 @@ struct Seen {
   std::vector<std::uint16_t> groups;
   std::vector<std::uint32_t> shares;
 
-  // Takes the shares of one vertex, which are 0 then; returns what a stored 1 stands for. What is
-  // rounded off one cell goes to the next: their sum stays.
+  // Takes the shares of one vertex and sets them to 0; returns what a stored 1 stands for. What is
+  // rounded off one cell goes to the next, so that the sum stays.
   float add(std::span<float> cells) {
     const float largest = *std::max_element(cells.begin(), cells.end());
     const float unit = largest / 255;
@@ -261,7 +261,7 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
 Image<float> PlaneExchange::onto_plane(std::span<const glm::vec3> exitance) const {
   check(exitance.size() == areas_.size(), "there must be an exitance for each of the ",
         areas_.size(), " vertices, got ", exitance.size());
-  // Parts of the vertices have sums of their own, as many for any number of threads.
+  // Parts of the vertices have their own sums; there are as many for any number of threads.
   const std::size_t count = padded(cells_);
   const int part = (int(areas_.size()) + kParts - 1) / kParts;
   std::vector<float> sums(kParts * 3 * count);

@@ -35,7 +35,7 @@ bool is_inside(const Bounds& box, glm::dvec3 p) {
 
 constexpr float kNoneAlike = 2, kNever = -2;
 
-// Radians, at most 1: that of what is matte.
+// Radians, at most 1, the width for what is matte.
 float lobe_width(const Material& material) {
   const std::optional<LobeShape> lobe = material.lobe();
   return lobe ? std::min(2 / std::sqrt(lobe->exponent), 1.0f) : 1.0f;
@@ -61,9 +61,9 @@ float alike_cosine(const Material& material) {
 }
 
 // Whether the normals at two samples of a pixel may be farther apart than this cosine says. least:
-// cosine between the triangle's own. Its mean n of normals that lie `chord` apart, over a triangle
-// of this height, changes by at most 3 chord ratio / height from pixel to pixel, where `ratio` is
-// that of its depths, and is at least sqrt(1 - chord^2 / 3) long.
+// cosine between the triangle's own normals. They lie `chord` apart. Over a triangle of this
+// height, their mean n changes by at most 3 chord ratio / height from pixel to pixel, where `ratio`
+// is that of the triangle's depths, and n is at least sqrt(1 - chord^2 / 3) long.
 bool may_bend(const PictureCorner& a, const PictureCorner& b, const PictureCorner& c, float least,
               float cosine) {
   constexpr float kApart = 0.8f * kSubpixel;  // two samples of a pixel
@@ -99,13 +99,13 @@ struct Rasterizer::Geometry {
   std::span<const glm::vec3> colors;
   bool fronts_only;     // backs of the object's triangles are hidden
   bool surface;         // tangents are asked for
-  bool textured;        // places on the textures are
+  bool textured;        // texture coordinates are
   float alike_cosine;   // of normals that are merged
   float curved_cosine;  // of normals that are too far apart for one
   const CutMesh& cut;
 
-  // Vertices and triangles of the holdouts follow the object's, and what is new where they are cut
-  // follows both.
+  // Vertices and triangles of the holdouts follow the object's. New ones, where they are cut,
+  // follow both.
   std::size_t own() const { return scene.mesh.vertices.size(); }
   std::size_t vertices() const { return own() + holdout.vertices.size(); }
   std::size_t own_triangles() const { return scene.mesh.triangles.size(); }
@@ -128,7 +128,7 @@ struct Rasterizer::Geometry {
 };
 
 struct Rasterizer::Work {
-  std::vector<SampleCell> cells;         // which name triangles by their place in the next
+  std::vector<SampleCell> cells;         // they name triangles by their index in the next
   std::vector<DrawnTriangle> triangles;  // of a band
   std::vector<std::uint8_t> bends;       // whether each may be curved
   // Parts wait until there are enough to be interpolated together.
@@ -182,7 +182,7 @@ void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
     const CutMesh made = cut_to_view(mesh, ViewVolume(mesh, g.camera, camera_from_mesh, least));
     for (std::size_t i = 0; i < made.replaced.size(); ++i)
       cut_.replaced[first_triangle + i] = made.replaced[i];
-    const Lens lens(g.camera);  // not in every picture: how far it goes is searched for
+    const Lens lens(g.camera);  // made here, not for every picture: how far it goes is searched for
     const int shift = int(g.vertices() + cut_.vertices.size()) - int(n);
     const auto numbered = [&](int vertex) {
       return vertex + (std::size_t(vertex) < n ? int(first_vertex) : shift);
@@ -219,7 +219,7 @@ void Rasterizer::cut(Geometry& g, const Pose& camera_from_marker) {
   extend(g.colors, 0, cut_colors_);
 }
 
-// Pixels that the corners are around.
+// The pixels that lie among the corners.
 void Rasterizer::set_window(const Camera& camera) {
   left_ = camera.width, right_ = -1, top_ = camera.height, bottom_ = -1;
   for (const PictureCorner& corner : corners_) {
@@ -298,19 +298,19 @@ void Rasterizer::sort_triangles(const Geometry& g, int bands) {
 
 namespace {
 
-// `a` becomes the mean by what they cover.
+// `a` becomes the mean of both, weighted by what they cover.
 void merge(Fragment& a, const Fragment& b) {
   const float t = b.coverage / (a.coverage + b.coverage);
   a.coverage += b.coverage;
-  a.position = glm::mix(a.position, b.position, t);  // whose difference may be beyond numbers
+  a.position = glm::mix(a.position, b.position, t);  // the difference may be beyond numbers
   a.normal = glm::normalize(a.normal + t * (b.normal - a.normal));
   a.share += t * (b.share - a.share);
   a.tangent += t * (b.tangent - a.tangent);
   a.color += t * (b.color - a.color);
 }
 
-// Of the fragments of one pixel, those whose normals hardly differ become one, and are shaded once:
-// of a fine mesh half of all pixels show two triangles or more.
+// Merges the fragments of one pixel whose normals hardly differ, so that they are shaded once: of a
+// fine mesh half of all pixels show two triangles or more.
 void append(const Fragment& f, float alike_cosine, std::vector<Fragment>& fragments) {
   if (alike_cosine <= 1)
     for (std::size_t k = fragments.size(); k-- > 0;) {
@@ -398,7 +398,8 @@ bool Rasterizer::is_curved(const Geometry& g, const DrawnTriangle& t, const Tria
   return false;
 }
 
-// Once a triangle, at the middle of the samples that it covers; at each of them where it is curved.
+// One fragment a triangle, at the middle of the samples that it covers; where it is curved, one at
+// each of them.
 void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, Work& work,
                          FragmentBand& band) const {
   constexpr int kMiddle = kSubpixel / 2;

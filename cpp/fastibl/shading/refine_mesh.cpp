@@ -15,7 +15,7 @@ namespace {
 constexpr int kRays = 16, kSky = 8;  // cells along an edge: of rays, and of what is compared
 constexpr int kSkyCells = kSky * kSky;
 constexpr float kShortest = 1 / 300.0f;  // edge that is split, by the mesh's size
-constexpr float kShort = 1 / 60.0f;      // edge of which nothing is missed where its ends agree
+constexpr float kShort = 1 / 60.0f;      // edge on which nothing is missed where its ends agree
 constexpr float kLongest = 1 / 8.0f;     // edge that is kept whatever its ends see
 constexpr int kRounds = 7;
 
@@ -36,8 +36,8 @@ std::vector<Sky> skies_of(const VertexVisibility& visibility) {
   return skies;
 }
 
-// Mean square of what is missed between a and b, by cosine; where an end does not see a cell for
-// it is below its horizon, the other end counts.
+// Mean square of what is missed between a and b, weighted by cosine. Where a cell lies below an
+// end's horizon, the other end counts.
 float missed(const Sky& middle, glm::vec3 normal, const Sky& a, glm::vec3 normal_a, const Sky& b,
              glm::vec3 normal_b) {
   const std::vector<glm::vec3>& directions = octahedral_grid(kSky).directions();
@@ -73,7 +73,7 @@ class Refiner {
 
   RefinedMesh run() {
     if (!(area_ > 0)) return std::move(refined_);
-    // Every edge may miss its share of what all may: some thousand of them.
+    // Every edge may miss its share of what all may miss; there are some thousand of them.
     constexpr float kEdges = 3000;
     least_ = options_.error * options_.error * float(area_) / kEdges;
     look(0);
@@ -86,7 +86,7 @@ class Refiner {
   }
 
  private:
-  // A middle of an edge that may become a vertex.
+  // The middle of an edge, which may become a vertex.
   struct Middle {
     int a, b;  // vertices, of one triangle
     glm::vec3 point, normal, origin, back_origin;
@@ -106,7 +106,7 @@ class Refiner {
     place_.push_back(places_.try_emplace({p.x, p.y, p.z}, int(places_.size())).first->second);
   }
 
-  // On the round surface over a triangle of the mesh; side: 1, or −1 for its back.
+  // The point on the round surface over a triangle of the mesh. side: 1, or −1 for its back.
   glm::vec3 lifted(int triangle, glm::vec3 p, float side) const {
     const glm::ivec3 t = base_.triangles[std::size_t(triangle)];
     const glm::vec3 corner[3] = {base_.vertices[std::size_t(t[0])],
@@ -146,8 +146,8 @@ class Refiner {
     back_.insert(back_.end(), back.begin(), back.end());
   }
 
-  // Edges by place that are to be looked at: all that lie there then are, so that none is left
-  // whole beside one that is split.
+  // Edges, by place, that are to be looked at. All edges that lie there are then looked at, so that
+  // none is left whole beside one that is split.
   std::set<Edge> doubtful_places() const {
     std::set<Edge> doubtful;
     for (const glm::ivec3& t : refined_.mesh.triangles)
@@ -290,7 +290,7 @@ class Refiner {
       for (int k = 0; k < 3; ++k) add_triangle(t[k], middle[k], middle[(k + 2) % 3], base);
       return add_triangle(middle[0], middle[1], middle[2], base);
     }
-    // Turned so that the first edge is split, and of two the last is whole.
+    // Turned so that the first edge is split and, where two are, the last is whole.
     int k = 0;
     while (middle[k] < 0 || (count == 2 && middle[(k + 2) % 3] >= 0)) ++k;
     const int a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3], ab = middle[k];

@@ -19,14 +19,14 @@ bool owns_edge(const PictureCorner& a, const PictureCorner& b) {
   return a.y == b.y ? b.x > a.x : b.y < a.y;
 }
 
-// Edge functions are linear: stepped from pixel to pixel, with a fixed offset for each sample.
-// Third of three is what the other two leave of the area.
+// Edge functions are linear: they are stepped from pixel to pixel, with a fixed offset for each
+// sample. The third is what the other two leave of the area.
 template <typename Int>
 struct Edges {
   Int step_x[2], step_y[2];  // by pixel
   Int start[2];              // at the corner of the first pixel
   Int offset[2][kSamples];
-  Int bias[3];  // -1 where samples on the edge are another's
+  Int bias[3];  // -1 where samples on the edge belong to another
   Int area;
 };
 
@@ -46,7 +46,7 @@ FASTIBL_INLINE Edges<Int> edges_of(const PictureCorner* const (&v)[3], std::int6
   return e;
 }
 
-// Of the pixels [x0, x1] × [y0, y1].
+// Fills the pixels [x0, x1] × [y0, y1].
 template <typename Int>
 FASTIBL_INLINE void fill(const SampleWindow& window, const PictureCorner* const (&v)[3],
                          std::int64_t area, int x0, int x1, int y0, int y1, int triangle) {

@@ -13,11 +13,11 @@ namespace {
 constexpr int kGrain = 512;  // vertices
 
 bool is_fine(int cells) { return cells >= 64; }
-// Of the map, as wide as the cells or half as wide.
+// Size of the map's level: texels as wide as the cells, or half as wide.
 int finest_level(int cells) { return is_fine(cells) ? 64 : 32; }
 
-// Adds up the runs of each vertex, and turns them into the light that falls on it. In parts:
-// sums of sixteen are not kept in registers of AVX2.
+// Adds up the runs of each vertex, and turns them into the light that falls on it. This goes in
+// parts: AVX2 does not keep sums of sixteen in registers.
 FASTIBL_CLONES void add_runs(const std::uint32_t* first, const std::uint16_t* edges,
                              const float* sums, const float* normals, int count, float* blocked) {
   for (int i = 0; i < count; ++i) {
@@ -38,8 +38,8 @@ FASTIBL_CLONES void add_runs(const std::uint32_t* first, const std::uint16_t* ed
 
 }  // namespace
 
-// Cells as fine as a map's texels take the pieces that lie in them; coarse ones, of which an object
-// blocks whole ones or none, share each piece with their neighbours.
+// Cells as fine as a map's texels take the pieces that lie in them. Coarse cells, which an object
+// blocks whole or not at all, share each piece with their neighbours.
 void CellLight::update_pieces(const glm::mat3& object_from_marker, int level_size) {
   const OctahedralGrid& grid = octahedral_grid(size_);
   const int parts = std::max(1, finest_level(size_) / level_size), n = parts * level_size;

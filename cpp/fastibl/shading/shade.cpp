@@ -15,7 +15,7 @@ glm::vec3 read_map(const std::shared_ptr<const SurfaceTexture>& map, const Fragm
   return map ? map->sample(f.uv, map->level_of(f.uv_dx, f.uv_dy)) : glm::vec3(1);
 }
 
-// What a pbr material is at one point.
+// A pbr material at one point.
 struct SurfacePoint {
   glm::vec3 base_color, emission;
   float metallic, roughness;
@@ -45,7 +45,7 @@ SurfaceFrame frame_of(const Fragment& f, const PbrMaterial& m, glm::vec3 normal)
 
 constexpr std::size_t kBatch = 256;  // fragments that are shaded together
 
-// At most kBatch.
+// At most kBatch fragments.
 void shade_pbr(std::span<const Fragment> fragments, const Material& material,
                const Lighting& lighting, const GgxShading& ggx, glm::vec3 eye,
                std::span<glm::vec3> colours) {

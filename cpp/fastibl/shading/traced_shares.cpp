@@ -15,7 +15,7 @@
 namespace fastibl {
 namespace {
 
-// Of the pieces, from corners of triangles: by the four cells around each.
+// States of the pieces from corners of triangles, by the four cells around each piece.
 class CornerPieces {
  public:
   CornerPieces(const Scene& scene, const LightPieces& pieces)
@@ -47,7 +47,7 @@ class CornerPieces {
   static constexpr std::size_t kMostKept = 2000;
 
   const std::vector<PieceState>& corner(std::size_t entry, glm::vec3 normal) {
-    // Cells tell of what is above the tangent plane, of which another's is some way off.
+    // Cells tell only what is above a corner's tangent plane; another corner's is some way off.
     constexpr float kNearHorizon = 0.15f;
     std::vector<PieceState>& states = known_[entry];
     if (!states.empty()) return states;
@@ -107,7 +107,7 @@ glm::vec4 TracedLight::shares(glm::vec3 start, glm::vec3 normal, glm::vec3 view,
     }
     sum_light(lit, free.data(), normal, view, height_, sums);
     const float whole = sums.open_lobe[0] + sums.open_lobe[1] + sums.open_lobe[2];
-    // Of the same weight there were (Σ w)² / Σ w²; taps lie better than pieces.
+    // Equally weighted, there would be (Σ w)² / Σ w² of them; taps lie better than pieces.
     by_taps = kTapsWorth * sum * sum * sums.open_squares >= whole * whole * squares;
     if (by_taps) result.w = along_taps(taps, start);
   }

@@ -5,7 +5,7 @@
 namespace fastibl {
 namespace {
 
-// Where a point in the plane of a triangle is between its corners; a little beyond is the edge.
+// Where a point in the plane of a triangle lies between its corners; a little beyond is the edge.
 glm::vec3 barycentric(glm::vec3 p, glm::vec3 a, glm::vec3 b, glm::vec3 c) {
   const glm::vec3 ab = b - a, ac = c - a, n = glm::cross(ab, ac);
   const float area2 = glm::dot(n, n);
