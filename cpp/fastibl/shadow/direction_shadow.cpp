@@ -24,7 +24,7 @@ namespace {
 
 constexpr int kResolution = 128;  // of a map, by default
 constexpr int kLeastOuter = 64;   // texels along an edge of the outer map, if the inner has as many
-constexpr int kDirections = 16;   // of which a thread makes the bits together
+constexpr int kDirections = 16;   // whose bits a thread makes together
 constexpr double kUnseen = 1 / 510.0;  // half a step of an 8-bit picture
 constexpr double kFarthest = 8;        // extent of the outer map, by that of the inner
 constexpr double kMostExtent = std::numeric_limits<float>::max();
@@ -43,16 +43,16 @@ struct alignas(64) StripBits {
   const std::uint64_t* words;  // of column 0, in the first of the rows
   int first_column, last_column;
 };
-constexpr std::size_t kAhead = 8;  // directions of which the bits are fetched meanwhile
+constexpr std::size_t kAhead = 8;  // directions whose bits are fetched meanwhile
 
 // Texels of a word of eight rows: 8 KiB, so that all directions find them in the nearest cache.
 struct alignas(64) WordTexels {
   glm::ivec4 row[kRows][64];
 };
 
-// Adds a share where the bits of a word of eight rows begin to be set, and takes it off where they
-// end. The cost is that of the edges: of an object a few in a row, whatever its size. False if no
-// direction has an edge here. Columns are to come in order; `strip` has kAhead more at its end.
+// Adds a share where set bits of a word of eight rows begin, and takes it off where they end. The
+// cost depends on the edges alone: an object has a few in a row, whatever its size. False if no
+// direction has an edge here. Columns must come in order; `strip` has kAhead more at its end.
 FASTIBL_CLONES
 bool add_edges(StripBits* strip, std::size_t count, int column, std::ptrdiff_t column_stride,
                WordTexels& differences) {
@@ -88,7 +88,7 @@ using Four [[gnu::vector_size(64), gnu::may_alias]] = std::int32_t;  // texels
 using Colours [[gnu::vector_size(64)]] = float;
 using Stored [[gnu::vector_size(64), gnu::aligned(4), gnu::may_alias]] = float;
 
-// Three of the four channels of 16 texels.
+// Stores three of the four channels of 16 texels.
 FASTIBL_INLINE void store_texels(const Colours& a, const Colours& b, const Colours& c,
                                  const Colours& d, float* ratio) {
   *reinterpret_cast<Stored*>(ratio) =
@@ -104,7 +104,7 @@ FASTIBL_INLINE void repeat_texel(const glm::ivec4& texel, Four& four) {
   four = __builtin_shufflevector(t, t, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
 }
 
-// Writes what is left to 64 texels of one colour.
+// Writes the light that is left to 64 texels of one colour.
 FASTIBL_CLONES
 void fill_texels(const glm::ivec4& lost, float* ratio) {
   Four four;
@@ -113,7 +113,7 @@ void fill_texels(const glm::ivec4& lost, float* ratio) {
   for (int x = 0; x < 64; x += 16, ratio += 48) store_texels(left, left, left, left, ratio);
 }
 
-// Sums the differences of 64 texels to what is lost there, and clears them.
+// Sums the differences of 64 texels to the light that is lost there, and clears them.
 FASTIBL_CLONES
 void sum_texels(glm::ivec4* differences, glm::ivec4& lost_before, float* ratio) {
   Four lost;
@@ -123,7 +123,7 @@ void sum_texels(glm::ivec4* differences, glm::ivec4& lost_before, float* ratio) 
   for (int x = 0; x < 4; ++x, ratio += 48) {
     Colours left[4];
     for (int i = 0; i < 4; ++i, ++difference) {
-      // Four at a time, of which the sums reach to all before.
+      // Four at a time: each sum includes all before it.
       Four sum = *difference;
       *difference = none;
       sum += __builtin_shufflevector(none, sum, 0, 1, 2, 3, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
@@ -140,8 +140,8 @@ void sum_texels(glm::ivec4* differences, glm::ivec4& lost_before, float* ratio) 
   *reinterpret_cast<Share*>(&lost_before) = last;
 }
 
-// Eight rows, word by word. A word is summed when the edges of the next have been added: by then
-// its own are no longer on their way to memory.
+// Sums eight rows, word by word. A word is summed when the edges of the next one have been added:
+// by then its own edges are no longer on their way to memory.
 void sum_strip(std::span<StripBits> strip, std::ptrdiff_t column_stride, int first, int rows,
                std::array<WordTexels, 2>& differences, Image<float>& ratio) {
   const int size = ratio.width, columns = (size + 63) / 64;
@@ -242,7 +242,7 @@ void cast_near_bits(const SphereSet& spheres, const glm::dvec3& light, const Pla
   add_near_shadow(spheres, light, grid, bits);
 }
 
-// To the outer map, so that no seam is seen between the two.
+// Joins the border to the outer map, so that no seam is seen between the two.
 void join_border(ShadowMap& map) {
   if (map.outer.empty()) return;
   const int n = map.ratio.width;
@@ -364,13 +364,13 @@ void DirectionShadow::cast_mesh(glm::vec3 direction, const PlaneGrid& grid,
     mesh_->draw(direction, grid, bits, scratch);
 }
 
-// As sum_shares(), where near lights give other points of the plane more or less than the centre of
-// the map: of what distant light leaves, and each of them.
+// Like sum_shares(), for near lights that give other points of the plane more or less light than
+// the map's centre: sums what distant light leaves, and each near light.
 void DirectionShadow::sum_near(std::span<const PlaneBits> bits, std::span<const glm::ivec4> shares,
                                const PlaneGrid& grid, Image<float>& ratio) const {
   const std::vector<LightDirection>& light = light_.directions();
   std::vector<glm::ivec4> own(shares.size());
-  const auto choose = [&](int i) {  // returns their sum
+  const auto choose = [&](int i) {  // returns the sum of the chosen ones
     glm::vec3 sum(0);
     for (std::size_t k = 0; k < shares.size(); ++k) {
       own[k] = near_.light_of(light[k].direction) == i ? shares[k] : glm::ivec4(0);
@@ -433,7 +433,8 @@ void DirectionShadow::own_map() {
 
 namespace {
 
-// What places a map of a mesh as one of spheres is placed: the corners of what is above the plane.
+// Spheres that place a mesh's map as a map of spheres is placed: corners of what is above the
+// plane.
 SphereSet corners_of(const ShadowTriangles& mesh) {
   if (mesh.empty()) return {};
   const ShadowTriangles::Box box = mesh.box();

@@ -25,7 +25,8 @@ struct Ball {
 // Radii tried around each centre, beside its distance to the nearest outside voxel (which lies half
 // a voxel beyond the surface): balls that stick out cover what inscribed ones leave between them.
 constexpr float kRadii[] = {-0.5f, 0.0f, 0.5f, 1.0f, 1.75f, 2.5f};
-// Worth of an outside voxel. Slightly less than −1, an inside one, fitted better on four meshes.
+// Worth of an outside voxel. A size slightly below an inside one's, 1, fitted better on four
+// meshes.
 constexpr float kOutside = -0.85f;
 // Spacing of centres, over their distance to the outside. Closer ones are no better, but slow.
 constexpr float kSpacing = 1 / 8.0f;
@@ -59,8 +60,8 @@ std::vector<Ball> ridge_balls(const std::vector<float>& squared, const VoxelGrid
         }
     return true;
   };
-  // Of ridge voxels close together, measured by their distance, one stands for all: flat bodies
-  // have ridges that are whole sheets. Cells of 2^k voxels keep the voxel of the largest distance.
+  // One ridge voxel stands for all close to it, measured by their distance: flat bodies have ridges
+  // that are whole sheets. Cells of 2^k voxels keep the voxel of the largest distance.
   std::map<std::array<int, 4>, std::array<int, 3>> best;
   for (int z = 1; z + 1 < grid.size.z; ++z)
     for (int y = 1; y + 1 < grid.size.y; ++y)
@@ -83,9 +84,9 @@ std::vector<Ball> ridge_balls(const std::vector<float>& squared, const VoxelGrid
 }
 
 // Gain of a ball: the worth of its voxels that no chosen ball covers. A voxel is worth 1 inside and
-// kOutside outside, over the local thickness (radius of the largest ball there), without which thin
-// parts, small in volume but not in the shadow, are left out. Rows are kept as prefix sums, so that
-// a ball costs its rows instead of its voxels.
+// kOutside outside, divided by the local thickness (radius of the largest ball there): otherwise
+// thin parts, small in volume but not in the shadow, are left out. Rows are kept as prefix sums, so
+// that a ball costs its rows instead of its voxels.
 class Cover {
  public:
   Cover(const std::vector<std::uint8_t>& inside, const std::vector<Ball>& balls,
@@ -147,8 +148,8 @@ void weigh(std::vector<Ball>& balls, const Cover& state) {
 
 bool smaller_gain(const Ball& a, const Ball& b) { return a.gain < b.gain; }
 
-// Greedy, each time the ball of the largest gain. Gains seldom rise when a ball is chosen, so an
-// old one serves as bound (lazy greedy, Minoux 1978). In voxels.
+// Greedy: takes the ball of the largest gain each time. Gains seldom rise when a ball is chosen, so
+// an old gain serves as bound (lazy greedy, Minoux 1978). In voxels.
 SphereSet cover(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, int count) {
   std::vector<Ball> balls = ridge_balls(squared_distances(inside, grid), grid);
   Cover state(inside, balls, grid);

@@ -11,14 +11,14 @@ namespace fastibl {
 namespace {
 
 // How far directions are moved from the middle of their parts, by the half width of a part. Parts
-// lie in rows; were their middles as well, edges of shadows that run along a row would come in
-// steps of many directions.
+// lie in rows. If their middles did too, shadow edges that run along a row would come in steps of
+// many directions.
 constexpr double kStagger = 0.25;
 
-// Where in its part a direction goes, as a Hammersley set has it: neighbours along y, which differ
-// in the last bit of y, differ in the first of x. It is mirrored along x: under ten lights on three
-// objects the worst point of K = 256 is then 0.026 to 0.030 off for a stagger of 0.2 to 0.4, and
-// 0.032 to 0.040 if not; all mirrored sets have the same mean.
+// Where in its part a direction lies, as in a Hammersley set: neighbours along y, which differ in
+// the last bit of y, differ in the first bit of x. It is mirrored along x: under ten lights on
+// three objects the worst point of K = 256 is then 0.026 to 0.030 off for a stagger of 0.2 to 0.4,
+// and 0.032 to 0.040 without mirroring; all mirrored sets have the same mean.
 struct Place {
   double x = 0, y = 0;           // in [0, 1)
   int along_x = 0, along_y = 0;  // splits that were made
@@ -67,7 +67,8 @@ std::vector<int> counts_of(std::span<const double> weights, int count) {
     counts.push_back(share > 1e-9 ? std::max(int(share * count), 1) : 0);
     given += counts.back();
   }
-  // The rest goes to where a part stands for the most; too many are taken where for the least.
+  // The rest goes where a part stands for the most; surplus is taken where one stands for the
+  // least.
   for (; given != count; given += given < count ? 1 : -1) {
     std::size_t best = counts.size();
     double best_value = 0;

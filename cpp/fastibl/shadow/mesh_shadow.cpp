@@ -12,11 +12,11 @@ namespace fastibl {
 namespace {
 
 constexpr int kCellsAtOnce = 32;    // between two reports of progress
-constexpr float kPartOfTexel = 7;   // of the outer map, that vertices may become one in
+constexpr float kPartOfTexel = 7;   // parts of an outer map's texel; vertices may merge within one
 constexpr double kSameArea = 0.02;  // else thin parts vanished
 constexpr double kFewer = 0.75;     // triangles, for it to be worth it
 
-// Of those of a mesh, for texels of this size; empty where there are hardly fewer.
+// Fewer triangles of a mesh, for texels of this size; empty where they are hardly fewer.
 ShadowTriangles triangles_for(const Mesh& mesh, double texel) {
   const Mesh coarse = coarse_mesh(mesh, float(texel) / kPartOfTexel);
   if (double(coarse.triangles.size()) > kFewer * double(mesh.triangles.size())) return {};

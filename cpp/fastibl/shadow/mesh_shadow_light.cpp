@@ -19,12 +19,12 @@ constexpr int kBlock = SparseCover::kBlock, kTexels = kBlock * kBlock;
 constexpr float kNothing = 2e-5f;
 constexpr double kLeastLight = 1e-36;  // of a channel: the inverse of less is no float
 constexpr float kSuddenly = 0.25f;     // share of the light that moved: new directions at once
-// Part of a fade by the share of the light that moves meanwhile: two sets of directions differ by
-// up to 0.04 in a ratio, and so the fade by less than the light itself.
+// Part of a fade for the share of the light that moves meanwhile: two sets of directions differ by
+// up to 0.04 in a ratio, so the fade changes it by less than the light itself does.
 constexpr float kPace = 4;
 constexpr float kUnfaded = 0.85f;  // of the outer map
-// Texels: a shadow that fell so far away may stay. Each direction has its own limit, up to this, so
-// that those of one lamp are not all drawn anew in the same frame.
+// Texels: a shadow that has moved no farther may stay. Each direction has its own limit, up to
+// this, so that the directions of one lamp are not all drawn anew in the same frame.
 constexpr float kShifted = 0.25f;
 
 float most_shift(std::size_t direction) {
@@ -137,8 +137,8 @@ PlaneProjection MeshShadowLight::projection(const Set& set, std::size_t k) const
   return light < 0 ? along(d) : near_.projection(d, light, motion_.shift);
 }
 
-// Those whose shadows were not drawn yet, or lie elsewhere now: near lights are known better, and
-// the object is shifted under them.
+// Directions whose shadows were not drawn yet, or lie elsewhere now: near lights are known better,
+// and the object is shifted under them.
 std::vector<int> MeshShadowLight::stale_directions(const Set& set, const MeshShadow& shadow) const {
   const std::size_t count = set.split.directions().size();
   std::vector<int> stale;
@@ -168,8 +168,8 @@ void MeshShadowLight::draw_directions(const ShadowTriangles& triangles, const Se
   });
 }
 
-// Around the shadows that the compact lights of both sets cast; of extent 0 where it would be
-// hardly finer than the map, or reach beyond all.
+// The grid around the shadows that the compact lights of both sets cast; of extent 0 where it would
+// be hardly finer than the map, or reach beyond all.
 PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles) {
   const ShadowTriangles::Box box = triangles.box();
   glm::vec2 lower(std::numeric_limits<float>::infinity()), upper(-lower);
@@ -199,7 +199,7 @@ PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTrian
   return {fine_, centre, 0};
 }
 
-// What is stale of both sets.
+// Draws what is stale in both sets.
 void MeshShadowLight::draw(const MeshShadow& shadow) {
   Set* const sets[] = {&now_, before_ ? &*before_ : nullptr};
   std::vector<int> stale[2];
@@ -246,8 +246,8 @@ void MeshShadowLight::draw(const MeshShadow& shadow) {
   }
 }
 
-// Weights of the directions of a cover: those of one near light, or, for −1, of distant light. Of
-// the fine map's cover, which holds the compact ones alone, these.
+// Weights of a cover's directions: those of one near light or, for −1, of distant light. For the
+// fine map's cover, which holds the compact ones alone, only these.
 std::vector<glm::vec4> MeshShadowLight::lights_of(const Set& set, Part part, int near_light) const {
   std::vector<glm::vec4> lights(set.lights.size(), glm::vec4(0));
   const std::vector<glm::vec3>& directions = set.split.directions();
@@ -262,14 +262,14 @@ std::vector<glm::vec4> MeshShadowLight::lights_of(const Set& set, Part part, int
   return compact;
 }
 
-// Of distant light.
+// Adds the loss of distant light.
 void MeshShadowLight::add_lights(Cover cover, Part part, std::vector<float>& lost) const {
   for (const Set* set : {&now_, before_ ? &*before_ : nullptr})
     if (set && (part != Part::compact || !set->compact.empty()))
       (set->*cover).add(lights_of(*set, part, -1), lost);
 }
 
-// Of near lights. grid: of the image, in the marker frame.
+// Adds the loss of near lights. grid: of the image, in the marker frame.
 void MeshShadowLight::add_near(Cover cover, Part part, const PlaneGrid& grid,
                                Image<float>& lost) const {
   for (int i = 0; i < near_.count(); ++i) {
@@ -289,7 +289,7 @@ void MeshShadowLight::add_near(Cover cover, Part part, const PlaneGrid& grid,
   }
 }
 
-// From light that is lost, by that of the map's centre, to that by the light of each place.
+// Turns lost light, as a share of that at the map's centre, into a share of each place's own light.
 void MeshShadowLight::divide_by_light(const PlaneGrid& grid, Image<float>& lost) const {
   if (near_.count() == 0) return;
   for_rows(grid, [&](int y, const std::vector<glm::vec2>& points) {
@@ -307,8 +307,8 @@ void MeshShadowLight::divide_by_light(const PlaneGrid& grid, Image<float>& lost)
   });
 }
 
-// From what is left by all other light, between the texels of its maps, and what the compact lights
-// leave at the fine map's own.
+// Makes the fine map from what all other light leaves, between the texels of its maps, and what the
+// compact lights leave at the fine map's own.
 void MeshShadowLight::add_fine(const ShadowMap& rest, ShadowMap& map) const {
   const int n = fine_map_.size;
   std::vector<float> lost = no_loss(n);
@@ -383,7 +383,7 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
       outer{shadow.outer().size, map.centre, map.outer_extent};
   ShadowMap soft;  // what the cells leave, where the object is turned
   const bool fine = fine_map_.extent > 0;
-  ShadowMap rest;  // without the compact lights that the fine map is of
+  ShadowMap rest;  // without the compact lights that the fine map shows
   const auto make = [&](const SparseCover& table, Cover cover, const PlaneGrid& grid,
                         Image<float>& own, Image<float>& of_rest) {
     std::vector<float> lost = no_loss(table.size());

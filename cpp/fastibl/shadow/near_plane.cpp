@@ -39,8 +39,8 @@ float NearPlane::height(glm::vec3 direction, int i) const {
 
 namespace {
 
-// at: what near_arrow() is at the origin; nothing is nearer than √least, nor than NaN, of a point
-// as far as floats reach.
+// at: near_arrow() at the origin. Distances below √least, and the NaN of a point as far as floats
+// reach, count as √least.
 FASTIBL_CLONES
 void falloff_of(glm::vec3 at, float inverse_distance, float least, const glm::vec2* points,
                 std::size_t count, float* out) {

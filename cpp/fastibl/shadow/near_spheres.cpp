@@ -13,7 +13,7 @@ struct Span {
   double low = kInfinity, high = -kInfinity;
 };
 
-// Of the numbers where a x² + 2 b x + c ≥ 0: at most two spans.
+// The numbers where a x² + 2 b x + c ≥ 0: at most two spans.
 int where_positive(double a, double b, double c, Span (&spans)[2]) {
   const double root2 = b * b - a * c;
   if (a < 0) {
@@ -36,7 +36,7 @@ int where_positive(double a, double b, double c, Span (&spans)[2]) {
   return 2;
 }
 
-// Texels whose centres, at whole numbers, lie in a span.
+// Sets the texels whose centres, at whole numbers, lie in a span.
 void set_span(int row, double low, double high, PlaneBits& bits) {
   const double size = bits.size();
   const int begin = int(std::ceil(std::clamp(low, 0.0, size))),
@@ -45,8 +45,8 @@ void set_span(int row, double low, double high, PlaneBits& bits) {
 }
 
 // A point q = p + u sees the light p past a sphere, whose centre is p + m, unless the ray lies in
-// the cone of tangents, (m·u)² ≥ K |u|² with K = |m|² − r², and q behind the plane of the points
-// where they touch, m·u ≥ K. All in texels.
+// the cone of tangents, (m·u)² ≥ K |u|² with K = |m|² − r², and q lies behind the plane of the
+// points where the tangents touch, m·u ≥ K. All in texels.
 struct Cone {
   glm::dvec3 light, m;
   double r, k;
@@ -80,7 +80,7 @@ struct Cone {
   }
 };
 
-// A sphere that the plane cuts: what stands on its disc is in it.
+// A sphere that the plane cuts: points on its disc lie in it.
 void add_disc(const glm::dvec3& centre, double radius, PlaneBits& bits) {
   const double r2 = (radius - centre.z) * (radius + centre.z);
   if (!(r2 > 0)) return;
@@ -104,7 +104,7 @@ void add_near_shadow(const SphereSet& spheres, const glm::dvec3& light, const Pl
     const glm::dvec3 centre(grid.texels({s.x, s.y}), s.z * scale);
     const double radius = s.w * scale;
     const Cone cone(p, centre, radius);
-    if (!(cone.k > 0)) {  // around the light
+    if (!(cone.k > 0)) {  // the sphere is around the light
       for (int row = 0; row < bits.size(); ++row) bits.set_span(row, 0, bits.size());
       return;
     }

@@ -40,7 +40,7 @@ struct Light {
 template <typename T>
 Light<T> light_of(glm::dvec3 d) {
   const double a = d.y * d.y + d.z * d.z, c = d.x * d.x + d.z * d.z;
-  // The front of a cut sphere ends at a line, of which the place along x is asked for.
+  // The front of a cut sphere ends at a line, whose place along x is asked for.
   const double dx = std::fabs(d.x) < 1e-9 ? 1e-9 : d.x;
   return {T(d.x / d.z),     T(d.y / d.z), T(std::sqrt(c) / d.z),  T(std::sqrt(a) / d.z),
           T(d.x * d.y / a), T(1 / a),     T(d.z * d.z / (a * a)), T(dx),
@@ -126,7 +126,7 @@ PlaneSpheres::PlaneSpheres(const SphereSet& spheres, const PlaneGrid& grid) {
     arrays.x.push_back(p.x), arrays.y.push_back(p.y), arrays.z.push_back(z), arrays.r.push_back(r);
     ++size_;
   }
-  for (Arrays* a : {&whole_, &cut_, &far_})  // with what touches no grid
+  for (Arrays* a : {&whole_, &cut_, &far_})  // pads with what touches no grid
     for (; a->x.size() % kPadding != 0; a->x.push_back(-1e6))
       a->y.push_back(-1e6), a->z.push_back(0), a->r.push_back(0);
 }
@@ -158,7 +158,7 @@ void PlaneSpheres::add_shadow(glm::vec3 towards_light, PlaneBits& bits) const {
   box.last_row = std::max(box.last_row, std::min(8 * target.last_group + 7, n - 1));
   box.first_column = std::min(box.first_column, target.first_column);
   box.last_column = std::max(box.last_column, target.last_column);
-  // Of the last group the rows beyond the grid.
+  // Clears the last group's rows beyond the grid.
   for (int c = target.first_column; c <= target.last_column; ++c)
     for (int y = n; y < bits.padded_rows(); ++y) target.words[c * target.column_stride + y] = 0;
 }

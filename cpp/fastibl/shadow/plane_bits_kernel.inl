@@ -1,6 +1,6 @@
 // The bits of ellipses; see core/wide.h for how it is compiled. The words of a column are worked on
-// by eight rows, a group. All ellipses that touch a group are drawn before its words are stored, so
-// that none waits for those before it.
+// in groups of eight rows. All ellipses that touch a group are drawn before its words are stored,
+// so that none waits for those before it.
 
 #include "fastibl/core/wide.inl"
 
@@ -32,8 +32,8 @@ FASTIBL_KERNEL_INLINE Floats square_root(Floats x) {
 }
 #endif
 
-// Eight words, of a group of rows; add(begin, end) sets the bits [begin, end), where those below 0
-// and above 63 are none.
+// Eight words of a group of rows. add(begin, end) sets the bits [begin, end); those below 0 and
+// above 63 do not exist.
 #if defined(FASTIBL_IN_AVX512)
 struct Words {
   __m512i row;
@@ -133,7 +133,7 @@ FASTIBL_KERNEL_INLINE void add_ellipse(const Ellipses<T>& e, std::size_t i, cons
   add_spans(low, high, size, base, words);
 }
 
-// Up to kBlock spheres, a multiple of kPadding.
+// Sets up at most kBlock spheres, a multiple of kPadding.
 template <typename T>
 FASTIBL_KERNEL_INLINE void set_up(const Spheres& s, int first, int count,
                                   const Light<double>& light, int size, Ellipses<T>& out) {
@@ -159,8 +159,8 @@ FASTIBL_KERNEL_INLINE void set_up(const Spheres& s, int first, int count,
   }
 }
 
-// Which of up to 64 spheres touch each of a number of lines: bit i of line k. A sphere's bit
-// changes where it begins and behind where it ends, so that its extent makes no difference to the
+// Which of up to 64 spheres touch each of several lines: bit i of line k. A sphere's bit changes
+// only where the sphere begins and behind where it ends, so that its extent does not matter to the
 // cost.
 template <int most>
 struct Touched {
@@ -223,7 +223,7 @@ FASTIBL_TARGET void add_cut(const Spheres& spheres, const Light<double>& setting
                             const Light<float>& light, Target& target) {
   add_all<true, Floats>(spheres, setting, light, target);
 }
-// Too large or too far for float: the cost of what cuts no longer counts.
+// Spheres too large or too far for float: the cost of treating them as cut no longer counts.
 FASTIBL_TARGET void add_far(const Spheres& spheres, const Light<double>& light, Target& target) {
   add_all<true, Doubles>(spheres, light, light, target);
 }

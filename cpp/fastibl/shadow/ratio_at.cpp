@@ -15,8 +15,9 @@ struct Direction {
   std::int32_t share[3];
 };
 
-// Points that a direction does not reach get a 1: the ray to the light passes a sphere, or starts
-// in one. The formula is that of plane_bits.cpp, and the sums keep their digits near the edge.
+// Points that a direction does not reach get a 1: their ray to the light passes through a sphere,
+// or starts in one. The formula is that of plane_bits.cpp, and the sums keep their digits near the
+// edge.
 FASTIBL_INLINE void hide(const glm::dvec4& s, const Direction& d, const double* px,
                          const double* py, std::int64_t* hidden) {
   const double u = s.x - s.z * (d.x / d.z), v = s.y - s.z * (d.y / d.z);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr float kFar = 1e9f;
 constexpr float kOutside = 4;  // weight of a point that is to be outside
-constexpr float kMost = 3;     // distance in voxels from which on a point is just uncovered
+constexpr float kMost = 3;     // distance in voxels beyond which a point is just uncovered
 
 // Points side by side, filled up to whole lanes with points of no weight.
 struct Samples {
@@ -83,7 +83,7 @@ struct Inside {
   }
 };
 
-// How the spheres stand to each point. Only a sphere with its centre behind the point's surface can
+// How the spheres lie to each point. Only a sphere with its centre behind the point's surface can
 // have its own surface there; one with its centre in front must merely not contain the point.
 struct Nearest {
   std::vector<std::int32_t> sphere, intruder;
@@ -179,8 +179,7 @@ struct Equations {
 
 // One step of all spheres: each is fitted to the points nearest to it, by least squares whose
 // weights, 1/|distance|, make them least absolute values. `softness`: distance below which they are
-// squares after all. The step is damped, for points change hands by it.
-// Centres stay inside.
+// squares after all. The step is damped, because it makes points change hands. Centres stay inside.
 void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, SphereSet& spheres,
           float softness) {
   std::vector<Equations> all(spheres.size());
@@ -217,7 +216,7 @@ void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, Sph
   }
 }
 
-// The best of `iterations` steps.
+// Keeps the best of `iterations` steps.
 double descend(const Samples& s, const Inside& is_inside, SphereSet& spheres, Nearest& nearest,
                int iterations, float from, float to) {
   SphereSet best = spheres;
@@ -235,7 +234,7 @@ double descend(const Samples& s, const Inside& is_inside, SphereSet& spheres, Ne
   return lowest;
 }
 
-// What the cost rises by without each sphere.
+// How much the cost rises without each sphere.
 std::vector<double> worths(const Samples& s, const Nearest& nearest, std::size_t count) {
   std::vector<double> worth(count, 0);
   for (std::size_t i = 0; i < s.x.size(); ++i) {

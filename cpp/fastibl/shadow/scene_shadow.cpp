@@ -8,11 +8,11 @@
 namespace fastibl {
 namespace {
 
-constexpr int kMostDrawn = 400000;  // triangles, over all directions of light,
-constexpr int kFewest = 32;         // and of these
-constexpr float kCells = 128;       // along the longest edge of a mesh of more triangles than that
+constexpr int kMostDrawn = 400000;  // triangles, over all directions of light
+constexpr int kFewest = 32;         // directions that are drawn at least
+constexpr float kCells = 128;       // along the longest edge of a mesh with too many for that
 
-// With the same shadow to a third of a texel.
+// A coarser mesh with the same shadow to a third of a texel.
 Mesh coarser(const Mesh& mesh) {
   const Bounds box = bounds(mesh.vertices);
   const glm::vec3 size = box.upper - box.lower;

@@ -20,7 +20,7 @@ constexpr double kHorizon = 1e-3;  // z below which light hardly reaches the pla
 
 using Double4 [[gnu::vector_size(32), gnu::may_alias]] = double;
 
-// Of the texels of a face that are above the horizon.
+// The texels of a face that are above the horizon.
 struct FaceTexels {
   int x0, y0, width, height;
   std::vector<float> cosines;  // solid angle × z, 0 near the horizon
@@ -68,7 +68,7 @@ void scale_row(const glm::vec3* radiance, const float* cosines, int count, glm::
   sum[0] += r, sum[1] += g, sum[2] += b;
 }
 
-// Of the channels' shares the largest, and their sum.
+// The largest of the channels' shares, and the sum of these.
 FASTIBL_CLONES
 double largest_shares(const glm::vec3* energy, int count, const float* inverse, float* shares) {
   for (int i = 0; i < count; ++i) {
@@ -140,7 +140,7 @@ void SkyEnergy::read(const CubeMap& map) {
   finest_ = level_;
   while (finest_ > 0 && map.level(finest_ - 1).size() == 2 * map.level(finest_).size()) --finest_;
   const CubeLevel& radiance = map.level(level_);
-  // Texels of odd or few ones are split, so that the horizon is an edge of texels.
+  // Texels are split where they are few or odd in number, so that the horizon is an edge of texels.
   const int n = radiance.size();
   parts_ = (kLeastSize + n - 1) / n;
   if (n * parts_ % 2 == 1) ++parts_;

@@ -8,7 +8,7 @@ namespace fastibl {
 namespace {
 
 constexpr int kSearchSize = 128;   // texels along a face of the level that is searched for lights
-constexpr int kRestSize = 32;      // and of that which the cells are summed from
+constexpr int kRestSize = 32;      // and of the level that the cells are summed from
 constexpr int kMostCuts = 5;       // a texel is cut into at most 4⁵ pieces
 constexpr double kHorizon = 1e-3;  // z below which light hardly reaches the plane
 
@@ -17,7 +17,7 @@ struct Texel {
   double cosine;         // × solid angle
 };
 
-// The pieces of texels that lie above the horizon; those that it cuts count by their centre.
+// A piece of a texel. It counts above the horizon; where the horizon cuts it, its centre decides.
 Texel texel_of(int face, double x, double y, double edge, int size) {
   const glm::dvec3 d(
       face_direction(face, float((x + 0.5 * edge) / size), float((y + 0.5 * edge) / size)));
@@ -48,8 +48,8 @@ void SkySplit::collect(const CubeMap& map, const glm::dvec3& scale, const SkySpl
   const int first = level_of_size(map, kSearchSize), rest = level_of_size(map, kRestSize);
   const CubeLevel& level = map.level(first);
   const int n = level.size(), rest_size = map.level(rest).size();
-  // Exact ones, as the means of the levels are weighted by: what is taken from a texel of the rest
-  // is then what was there.
+  // Exact solid angles, by which the means of the levels are weighted: what is taken from a texel
+  // of the rest is then what was there.
   std::vector<std::vector<double>> angles(std::size_t(map.level_count()));
   const auto solid_angle = [&](int at, int x, int y) {
     const int size = map.level(at).size();
@@ -136,7 +136,7 @@ void SkySplit::group(const SkySplitOptions& options, std::vector<Element>& eleme
     }
     const double radius =
         std::sqrt(std::max(spread[0][0] + spread[1][1] + spread[2][2], 0.0) / energy);
-    // Power iteration, from the column that is longest: it has most of the widest axis.
+    // Power iteration, from the longest column, which has most of the widest axis.
     glm::dvec3 axis = spread[0];
     for (int k = 1; k < 3; ++k)
       if (glm::dot(spread[k], spread[k]) > glm::dot(axis, axis)) axis = spread[k];
@@ -207,8 +207,8 @@ glm::dvec3 irradiance_of(std::span<const glm::vec3> radiance, std::span<const fl
   return irradiance;
 }
 
-// Its dot product with a texel's radiance is the texel's brightness, which is 1 for one as bright
-// as the cosine-weighted mean; the mean of the channels that have light.
+// Its dot product with a texel's radiance is the texel's brightness: the mean of the channels that
+// have light, which is 1 for a texel as bright as the cosine-weighted mean.
 glm::vec3 brightness_scale(const glm::dvec3& irradiance) {
   int lit = 0;
   for (int c = 0; c < 3; ++c) lit += irradiance[c] > 0;
@@ -218,7 +218,7 @@ glm::vec3 brightness_scale(const glm::dvec3& irradiance) {
   return scale;
 }
 
-// Share of the irradiance by what is brighter than that.
+// Share of the irradiance that lies above this brightness.
 float share_above(std::span<const glm::vec3> radiance, std::span<const float> cosines,
                   const glm::vec3& scale, float threshold) {
   float sum = 0;
@@ -276,7 +276,7 @@ float SkySplit::misfit(const Weights& weights) const {
 std::vector<int> SkySplit::compact(float least_share) const {
   std::vector<int> found;
   if (shares_.empty()) return found;
-  // The strongest by what lies around it: a sun's disc may be many directions.
+  // The strongest direction, with what lies around it: a sun's disc may be many directions.
   const float least_cosine = std::cos(kCompact);
   const auto around = [&](std::size_t k, std::size_t i) {
     return glm::dot(directions_[k], directions_[i]) >= least_cosine;
@@ -294,7 +294,7 @@ std::vector<int> SkySplit::compact(float least_share) const {
 }
 
 float SkySplit::moved(const Weights& before, const Weights& after) const {
-  // Of shares, so that light which changes as a whole moves nowhere.
+  // By shares, so that light that changes as a whole does not count as moved.
   glm::vec3 scale[2];
   const Weights* weights[2] = {&before, &after};
   for (int k = 0; k < 2; ++k) scale[k] = brightness_scale(weights[k]->irradiance) / kPi;
@@ -339,7 +339,7 @@ std::vector<glm::vec4> CellSums::sum(std::span<const glm::vec3> rest) const {
   std::vector<glm::vec4> sums(std::size_t(cells_), glm::vec4(0));
   for (const Entry& e : entries_)
     sums[std::size_t(e.cell)] += glm::vec4(rest[std::size_t(e.texel)] * e.cosine, 0);
-  // Of a texel that lost all its light, rounding can leave less than nothing.
+  // Rounding can leave a texel that lost all its light with less than nothing.
   for (glm::vec4& s : sums) s = glm::max(s, glm::vec4(0));
   return sums;
 }

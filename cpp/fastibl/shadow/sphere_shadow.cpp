@@ -84,7 +84,7 @@ struct Texel {
 // Adds weight × the bilinear value.
 void add_bilinear(const CubeLevel& level, const FacePoint& p, float weight, Texel& sum) {
   const float n = float(level.size());
-  // min and max in this order turn the NaN of an overflow into 1: any texel, but one of the map.
+  // min and max in this order turn the NaN of an overflow into 1: some texel, but one of the map.
   const float x = std::max(0.0f, std::min(1.0f, p.s)) * n + 0.5f,
               y = std::max(0.0f, std::min(1.0f, p.t)) * n + 0.5f;
   const int ix = int(x), iy = int(y);

@@ -26,7 +26,7 @@ double misfit(const std::vector<LightDirection>& light) {
   }
   const double n = double(light.size());
   if (!(sum > 0)) return 0;
-  // (Σ w)²/Σ w²: as many equal parts would do.
+  // (Σ w)²/Σ w²: this many equal parts would do.
   return std::max(largest * n / sum / kLargest, squares * n / (sum * sum) * kLeastInUse);
 }
 
@@ -79,7 +79,7 @@ SteadyLight::Change SteadyLight::update(const CubeMap& radiance) {
   check(radiance.size() > 0, "the radiance map is empty");
   const bool same = same_map(radiance);
   if (same && !next_) return Change::none;
-  // Parts are of a size of map.
+  // Parts belong to one size of map.
   const bool new_size = map_size_ != radiance.size();
   map_size_ = radiance.size();
   double step = 1.0 / kFadeUpdates;

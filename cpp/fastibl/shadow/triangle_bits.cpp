@@ -100,8 +100,8 @@ struct Edge {
   }
 };
 
-// a b c: corners in an order that two triangles give a shared edge alike, so that both find the
-// same crossing with a row.
+// a b c: corners, in an order in which two triangles have a shared edge alike, so that both find
+// the same crossing with a row.
 void draw_triangle(glm::vec2 a, glm::vec2 b, glm::vec2 c, int size, std::ptrdiff_t stride,
                    std::uint64_t* words) {
   const float last = float(size - 1);

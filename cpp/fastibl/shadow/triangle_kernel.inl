@@ -2,7 +2,7 @@
 
 #include "fastibl/core/wide.inl"
 
-// Positions on the grid, centres of texels at whole numbers: pairs of x and y.
+// Positions on the grid, where centres of texels are whole numbers: pairs of x and y.
 FASTIBL_TARGET void project(const float* x, const float* y, const float* z, int count,
                             const float* slope, const float* shift, float scale, float* places) {
   const float slope_x = slope[0], slope_y = slope[1], shift_x = shift[0], shift_y = shift[1];
@@ -15,7 +15,8 @@ FASTIBL_TARGET void project(const float* x, const float* y, const float* z, int 
   }
 }
 
-// The same of a near light, 1 / inverse_height above the plane; what is above `top` as at it.
+// The same for a near light, 1 / inverse_height above the plane; what is above `top` counts as at
+// it.
 FASTIBL_TARGET void project_near(const float* x, const float* y, const float* z, int count,
                                  const float* slope, const float* shift, float scale, float top,
                                  float inverse_height, float* places) {
@@ -41,8 +42,9 @@ FASTIBL_KERNEL_INLINE __m256 corners(const float* places, std::int32_t a, std::i
 }
 #endif
 
-// Where a position lies among the centres of texels: 2k − 1 between k − 1 and k, 2k at k; of x in
-// the lower half, of y in the upper. All before the first is one place, and all beyond the last.
+// Where a position lies among the centres of texels: 2k − 1 between k − 1 and k, 2k at k; for x in
+// the lower half, for y in the upper. All positions before the first are one place, and so are all
+// beyond the last.
 FASTIBL_TARGET void find_cells(const float* places, int count, float last, std::int32_t* cells) {
   const float most = last + 0.5f;
   for (int i = 0; i < count; ++i) {
@@ -54,8 +56,8 @@ FASTIBL_TARGET void find_cells(const float* places, int count, float last, std::
   }
 }
 
-// The triangles whose box holds the centre of a texel, in order: of at most kLow rows to `low`, of
-// more to `tall`, which both have room for kWide more than all.
+// Finds the triangles whose box holds the centre of a texel, in order. Those of at most kLow rows
+// go to `low`, taller ones to `tall`; both have room for kWide more than all.
 FASTIBL_TARGET void find_met(const std::int32_t* a, const std::int32_t* b, const std::int32_t* c,
                              int count, const std::int32_t* cells, std::int32_t* low,
                              std::int32_t* tall, int* low_count, int* tall_count) {
@@ -128,8 +130,8 @@ FASTIBL_KERNEL_INLINE void load_places(const float* places, const std::int32_t* 
 #endif
 }
 
-// Triangles of at most kLow rows, which most are: by the arithmetic of draw_triangle, and without a
-// branch that depends on a triangle.
+// Draws triangles of at most kLow rows, which most are, by the arithmetic of draw_triangle and
+// without a branch that depends on a triangle.
 FASTIBL_TARGET void draw_low(const std::int32_t* chosen, int count, const std::int32_t* a,
                              const std::int32_t* b, const std::int32_t* c, const float* places,
                              float last_texel, std::ptrdiff_t stride, std::uint64_t* words) {

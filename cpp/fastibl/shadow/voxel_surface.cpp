@@ -27,7 +27,7 @@ AxisCrossings axis_crossings(const Mesh& mesh, const VoxelGrid& grid, int axis) 
   return k;
 }
 
-// Towards where there is less inside among the 27 voxels around.
+// The direction in which fewer of the 27 voxels around are inside.
 glm::vec3 outwards(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, int i) {
   glm::vec3 sum(0);
   for (int z = -1; z <= 1; ++z)
@@ -37,7 +37,7 @@ glm::vec3 outwards(const std::vector<std::uint8_t>& inside, const VoxelGrid& gri
   return sum;
 }
 
-// Steps of a voxel that stay inside; at least 1.
+// Number of voxel steps that stay inside; at least 1.
 float thickness(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, glm::vec3 from,
                 glm::vec3 direction) {
   int steps = 1;

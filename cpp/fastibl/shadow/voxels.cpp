@@ -57,7 +57,7 @@ Crossings count_crossings(const Mesh& mesh, const VoxelGrid& grid, const LineSet
 
 // A torn mesh leaves single voxels voted out, and one is enough to hold back the balls around it.
 // An outside voxel with at least 18 of its 26 neighbours inside becomes inside; beside a flat face
-// there are 9 and in a concave edge 15, so whole meshes do not change but in concave corners.
+// there are 9 and in a concave edge 15, so whole meshes change in concave corners only.
 std::vector<std::uint8_t> fill_pores(const std::vector<std::uint8_t>& inside,
                                      const VoxelGrid& grid) {
   std::vector<std::uint8_t> filled = inside;
