@@ -17,8 +17,8 @@ constexpr float kRelinearise = 0.01f;  // radians: beyond, pixels are projected 
 constexpr float kDone = 2e-5f;         // radians
 constexpr float kTukey = 4.7f;         // robust standard deviations, 95 % efficient
 constexpr double kLeastScale = 0.5;
-// Of a pixel, linear: deviation in the dark, variance by light; a small sensor's, and codes of 8
-// bits. Sensors that cut noise off at 0 are too bright in the dark.
+// Noise of a pixel, linear: deviation in the dark, variance by light; for a small sensor and codes
+// of 8 bits. Sensors that cut off noise at 0 are too bright in the dark.
 constexpr float kReadNoise = 0.002f, kShotNoise = 1 / 3000.0f, kDarkBias = 0.4f;
 constexpr float kDarkest = 0.003f;  // of white: below there is only noise
 constexpr float kDark = 0.0005f;    // of white: differences below hardly count
@@ -62,7 +62,7 @@ struct Sensor {
   float dark;   // radiance, is added before logarithms are taken
   float off;    // widths of a feature by which it may be misplaced
 
-  // Of the logarithm, read in blocks of `block` pixels: about 2.25 block² of them.
+  // Variance of the logarithm, read in blocks of `block` pixels: from about 2.25 block² of them.
   float variance(const MapFeature& f, const AlignmentOptions& options, float block) const {
     const float level = f.light / white, light = f.light + dark;
     const float bias = kDarkBias * kReadNoise * std::max(0.0f, 1 - level / (1.5f * kReadNoise));
@@ -91,8 +91,8 @@ class Candidates {
     out_.clear();
   }
 
-  // reach: cosine. Whether the angle to the axis is below the sum of both, which is below half a
-  // turn.
+  // Whether the angle to the axis is below the sum of both angles, which is below half a turn.
+  // reach: cosine.
   bool shows(const glm::vec3& middle, float reach) const {
     return glm::dot(middle, axis_) >
            cosine_ * reach - sine_ * std::sqrt(std::max(1 - reach * reach, 0.0f));
@@ -105,7 +105,7 @@ class Candidates {
       out_.push_back({glm::dot(f.axis, f.axis) / (light * light * variance), &f});
     }
   }
-  // Keeps those that tell most.
+  // Keeps the candidates that tell most.
   void limit(int most) {
     if (int(out_.size()) <= most) return;
     const auto middle = out_.begin() + most;
@@ -123,8 +123,8 @@ class Candidates {
   float cosine_, sine_;
 };
 
-// Tells cheaply of most directions that a picture does not show them: its rectangle, generously for
-// what its lens bends.
+// Tells cheaply for most directions that a picture does not show them: by its rectangle, with ample
+// room for what its lens bends.
 class Outside {
  public:
   Outside(const Camera& camera, const glm::dmat3& rotation)
@@ -169,7 +169,7 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
     if (outside(f.direction)) continue;
     const glm::dvec3 d(f.direction);
     glm::dmat2x3 derivative;
-    glm::dmat3 row(1.0), by_w(1.0);  // what turned until the row that shows it, and that by w
+    glm::dmat3 row(1.0), by_w(1.0);  // the turn until the row that shows it, and its change by w
     auto pixel = view.lens->project(rotation * d, &derivative);
     for (int pass = 0; pass < kRowPasses && rolls && pixel; ++pass) {
       const double share = std::clamp(pixel->y / camera.height, 0.0, 1.0);
@@ -215,13 +215,14 @@ struct Normal {
   }
 };
 
-// Those of a picture with the logarithm of its gain, which has nothing to do with the other's.
+// Those of one picture with the logarithm of its gain, which does not depend on the other
+// picture's.
 struct GainNormal {
   Normal w;
   glm::dvec3 by_gain{0};  // of w and the gain
   double gain = 0, gain_b = 0;
 
-  // Of w, where the gain is what is best for it (Schur).
+  // Those of w, with the gain that is best for it (Schur).
   Normal without_gain() const {
     return {w.a - glm::outerProduct(by_gain, by_gain) / gain, w.b - by_gain * (gain_b / gain)};
   }
@@ -245,8 +246,8 @@ class Level {
     residuals_.resize(seen_.size());
   }
 
-  // At a rotation that w and a gain lead to from where features were projected. Returns how many
-  // could be read.
+  // Reads features at the rotation to which w leads from where they were projected, with these
+  // gains. Returns how many could be read.
   std::size_t read(const glm::vec3& w, const LogGains& log_gains) {
     sizes_.clear();
     for (std::size_t v = 0; v + 1 < begin_.size(); ++v) {
@@ -268,7 +269,7 @@ class Level {
     return sizes_.size();
   }
 
-  // Robust standard deviation of the residuals, of what is expected.
+  // Robust standard deviation of the residuals, relative to the expected one.
   double scale() {
     const auto middle = sizes_.begin() + std::ptrdiff_t(sizes_.size() / 2);
     std::nth_element(sizes_.begin(), middle, sizes_.end());
@@ -301,7 +302,7 @@ class Level {
     return n;
   }
 
-  // Of the map where the features are.
+  // Drift of the map where the features are.
   double drift() const {
     double all = 0, sum = 0;
     for (std::size_t i = 0; i < seen_.size(); ++i) {
@@ -313,7 +314,7 @@ class Level {
     return all > 0 ? sum / all : 0;
   }
 
-  // Which features did not agree.
+  // Notes which features did not agree.
   void note(double scale) const {
     for (std::size_t i = 0; i < seen_.size(); ++i) {
       if (!(residuals_[i] == residuals_[i])) continue;
@@ -374,7 +375,7 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
       continue;
     }
     double scale = level.scale();
-    double s2 = 0;  // by which what features tell is divided
+    double s2 = 0;  // divides what features tell
     std::array<GainNormal, kMostViews> normals;
     // What each picture tells, with what is known of its gain.
     const auto add_up = [&] {

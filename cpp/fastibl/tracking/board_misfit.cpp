@@ -9,8 +9,8 @@ namespace {
 constexpr int kAcross = 4;         // parts along each side of what is seen
 constexpr int kFewest = 16;        // edges of a part
 constexpr double kBothWays = 0.2;  // of 1 where they tell of both directions alike
-constexpr double kUsual = 1.6;     // deviations of scatter: what edges of a side share is in it
-constexpr double kParameters = 6;  // that a pose takes up of what the parts tell
+constexpr double kUsual = 1.6;     // deviations of scatter, including what edges of a side share
+constexpr double kParameters = 6;  // of what the parts tell: taken up by the pose
 
 // How far a part lies beside its place: normal equations of a shift in the picture.
 struct Part {
@@ -38,7 +38,7 @@ double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit) {
               row = std::clamp(int(at.y), 0, kAcross - 1);
     parts[std::size_t(kAcross * row + column)].add(points[i], fit.left[i], fit.deviation[i]);
   }
-  // Squares of the parts' shifts, and what scatter alone lets expect of them.
+  // Squares of the parts' shifts, and what is to be expected of them from scatter alone.
   double squares = 0, expected = 0, told = 0;
   for (const Part& p : parts) {
     const double det = p.xx * p.yy - p.xy * p.xy;

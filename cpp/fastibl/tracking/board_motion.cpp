@@ -22,7 +22,7 @@ void BoardMotion::look(const Pose& board, Agreement agreement, const std::option
     told_ = time;
     const glm::dmat3 offset = glm::transpose(board.rotation) * around->back_from_marker.rotation;
     const double angle = rotation_angle(glm::dmat3(1.0), offset);
-    // Parallax, as the camera is elsewhere than where they agreed last; a gyroscope knows of none.
+    // Parallax, as the camera is elsewhere than where they last agreed; a gyroscope has none.
     const double distance = way_ >= options_.proof ? options_.farther : options_.nearest;
     const double parallax = around->features > 0 ? std::min(moved / distance, 1.0) : 0;
     const double limit = std::max(options_.least * kDegree, 5 * around->deviation()) + parallax;

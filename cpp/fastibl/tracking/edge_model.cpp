@@ -13,21 +13,21 @@
 namespace fastibl {
 namespace {
 
-constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or another one
+constexpr double kCodeHidden = 0.25;  // below, a tag is hidden or is another one
 constexpr double kReadable = 1.6;     // px of a module, to hold its colour
 constexpr double kClose = 0.55;       // mean match from which no tags are looked for
 constexpr double kFits = 0.5;  // mean match of a right pose: 0.6 to 1 in hard films, 0.3 where
                                // edges are fitted to others
 constexpr std::size_t kLeastTags = 3;  // whose shifts tell more than one shift of all
 constexpr double kShiftError = 2;      // px of a tag's shift; farther off is another one
-constexpr double kLeastShare = 0.15;   // of the tags that could be read must be, and of the edges
+constexpr double kLeastShare = 0.15;   // of readable tags must be read, and of edges used
 constexpr double kProvenShare = 0.5;   // the same where the start was not right
 constexpr std::size_t kFarEdges = 200;
 constexpr std::size_t kWideEdges =
     240;                            // from so many on, narrow ones, which err more, are left out
-constexpr double kNear = 0.5;       // px of motion that edges are followed over from close by
+constexpr double kNear = 0.5;       // px of motion over which edges are followed from close by
 constexpr double kSettled = 0.02;   // px of motion in the last round
-constexpr double kDoubtful = 0.15;  // px, median: both minima are looked at at once
+constexpr double kDoubtful = 0.15;  // px, median: above it, both minima are looked at at once
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
 constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
 constexpr double kSystematic = 0.08;      // of the surplus that counts: errors are not independent
@@ -40,7 +40,7 @@ constexpr double kSlopeBlur = 0.798;  // deviation of a normal edge by half its 
 constexpr double kLeastBlur = 0.5;    // px, with that of the pixels
 
 constexpr double kSharp = 1.1, kShared = 0.01;  // px: `spread` of a sharp picture, error there
-constexpr double kNarrow = 3;                   // times as much of edges with room for one pixel
+constexpr double kNarrow = 3;                   // times as much for edges with room for one pixel
 constexpr double kUnevenGrowth = 0.25;          // of what white has grown, which differs by edge
 constexpr double kSides = 8;                    // errors of a tag that are independent, about
 
@@ -50,7 +50,7 @@ struct Codes {
   double mean = 0;  // of the better half of the readable ones
 };
 
-// Sorts out tags that are hidden, or are not where they were expected.
+// Leaves out tags that are hidden, or are not where they were expected.
 Codes read_codes(const LightReader& light, const BoardPattern& pattern,
                  std::vector<ProjectedTag> tags) {
   Codes codes;
@@ -72,7 +72,7 @@ bool enough(const Codes& codes, double share) {
   return codes.seen > 0 && double(codes.seen) >= share * double(codes.readable);
 }
 
-// Sideways at the board's distance: what a shift of the picture is, for a start.
+// The pose moved sideways at the board's distance: a start for a shift of the picture.
 Pose shifted(const Pose& pose, const glm::dvec2& shift, const Camera& camera) {
   Pose out = pose;
   const double z = pose.translation.z;
@@ -89,7 +89,7 @@ Pose moved_to_tags(const LightReader& light, const BoardPattern& pattern,
   if (found.empty()) return pose;
   const Pose start = shifted(pose, found[0].shift, camera);
   if (found.size() < kLeastTags) return start;
-  // Against where a pose puts them without rolling: what rolls is in both.
+  // Compared with where a pose puts them without rolling: rolling is in both.
   std::vector<Match> matches;
   const auto n = std::size_t(pattern.modules), stride = n + 1;
   for (const FoundTag& tag : found)
@@ -123,8 +123,8 @@ struct Choice {
   bool other = false;  // the mirrored pose won
 };
 
-// Both planar minima, refined with the edges; by likelihood and by what was expected before. rows:
-// of a rolling shutter.
+// Chooses between both planar minima, refined with the edges, by likelihood and by what was
+// expected before. rows: of a rolling shutter.
 Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens& lens,
               const PosePrior& prior, const Rows* rows) {
   Choice choice{fit.camera_from_marker, 0, false};
@@ -143,7 +143,7 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
            pose.inverse().translation.z > 0;
   };
   if (!differs(start->camera_from_marker)) return choice;
-  // At the right one of two minima that lie far apart, edges fit far better than by that much.
+  // Where two minima lie far apart, edges fit the right one far better than by that distance.
   const double apart = std::sqrt(start->cost / 4);
   if (apart > 1 && fit.residual < 0.04 * apart) {
     choice.ambiguity = 1e-3;  // hundreds of deviations apart
@@ -162,8 +162,8 @@ Choice choose(std::span<const EdgePoint> points, const EdgeFit& fit, const Lens&
   return choice;
 }
 
-// Of the points' scatter, and of what they share: blur from neighbouring edges, ink and paper move
-// the edges of a side together.
+// Variance from the points' scatter, and from what they share: blur from neighbouring edges, ink
+// and paper move the edges of a side together.
 double variance_of(const EdgeFit& fit, std::span<const EdgePoint> points, std::size_t tags,
                    double spread) {
   double used = 0, weights = 0, narrow = 0;
@@ -188,7 +188,7 @@ struct Rolling {
   RowPrior prior;
 };
 
-// start, prior: of the first row; become those of the board's middle one.
+// start, prior: of the first row; they become those of the board's middle row.
 Rolling rolling_of(const BoardPattern& pattern, const Camera& camera, const Lens& lens,
                    PosePrior& prior, Pose& start) {
   Rolling out;
@@ -204,7 +204,7 @@ Rolling rolling_of(const BoardPattern& pattern, const Camera& camera, const Lens
   return out;
 }
 
-// From the pose of the board's middle row to that of the first, with what the motion's error adds.
+// Turns the pose of the board's middle row into that of the first, with the motion's error added.
 std::optional<RowState> to_first_row(const Rolling& rolling, const EdgeFit& fit, double variance,
                                      Tracked& tracked) {
   const Rows& rows = rolling.rows;
@@ -249,8 +249,8 @@ void refine(const LightReader& light, const BoardPattern& pattern, const Codes& 
     tracked.covariance[k] = fit->covariance[k] + kCommon * tracked.covariance[k];
 }
 
-// What the board's parts lie beside their places moves the pose: as much as if all edges erred
-// alike, for bent paper and lenses err smoothly.
+// The distance of the board's parts from their places moves the pose: as much as if all edges erred
+// alike, because bent paper and lenses err smoothly.
 void add_misfit(const EdgeFit& fit, Tracked& tracked) {
   if (tracked.misfit_px == 0) return;
   double weights = 0;
@@ -271,7 +271,7 @@ double spread_of(std::span<const EdgePoint> points) {
   return 0.5 / std::max(*middle, 0.05);
 }
 
-// Those with room for two pixels on either side.
+// How many edges have room for two pixels on either side.
 std::size_t wide_edges(std::span<const EdgePoint> points) {
   return std::size_t(
       std::count_if(points.begin(), points.end(), [](const EdgePoint& p) { return p.kind >= 2; }));

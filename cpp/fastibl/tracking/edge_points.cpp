@@ -16,7 +16,7 @@ constexpr int kMostNear = 3;                                 // px to either sid
 constexpr std::size_t kGainEdges = 300;                      // are enough to tell the usual gain
 constexpr double kLargestAliased = 0.15, kLeastPhases = 15;  // of the step; edges
 constexpr double kGone = 1.5;        // px; from close by, an edge is not sought further
-constexpr double kLeastGain = 0.04;  // of the step, by px: flatter ones are no edges
+constexpr double kLeastGain = 0.04;  // of the step, per px: flatter ones are no edges
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
@@ -31,8 +31,8 @@ double height_px(const ProjectedTag& tag, const TagEdge& edge, const glm::dvec2&
   return std::abs(cross(direction, tag.nodes[other] - tag.nodes[edge.from]));
 }
 
-// The part of an edge whose scan lines meet nothing but this edge. Away from the edge they also run
-// along it, the more the more aslant it is.
+// The part of an edge whose scan lines meet nothing but this edge. Away from the edge, scan lines
+// also run along it, the more the more oblique it is.
 std::optional<ExpectedEdge> clear_part(const glm::dvec2& a, const glm::dvec2& t, double length,
                                        const TagEdge& edge, double room, const EdgeSearch& search) {
   const double across = std::max(std::abs(t.x), std::abs(t.y)),
@@ -98,7 +98,7 @@ struct Near {
 };
 
 // What the pixel grid adds to the excess of edges of one reach, by their phase: sharp pictures hold
-// more than pixels can. Least squares; the edges' own offsets know nothing of the grid.
+// more than pixels can. By least squares; the edges' own offsets do not depend on the grid.
 double aliasing(std::span<const Near> near, int reach) {
   double products = 0, squares = 0;
   for (const Near& n : near) {
@@ -108,8 +108,8 @@ double aliasing(std::span<const Near> near, int reach) {
   return squares > kLeastPhases ? products / squares : 0;
 }
 
-// Offsets of near edges: their excess by the gain, which is nearly the same for all of one reach;
-// a single one's own is too noisy to divide by.
+// Offsets of near edges: their excess divided by the gain, which is nearly the same for all edges
+// of one reach; the gain of a single edge is too noisy to divide by.
 void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
   std::array<std::vector<float>, kMostNear + 1> gains;
   const std::size_t step = std::max<std::size_t>(1, near.size() / kGainEdges);
@@ -128,7 +128,7 @@ void set_offsets(std::span<const Near> near, std::vector<EdgePoint>& points) {
   for (std::size_t i = 0; i < near.size(); ++i) {
     const double middle = usual[std::size_t(near[i].reach)];
     if (!(middle > kLeastGain)) continue;
-    // Blur by motion makes it differ by direction.
+    // Motion blur makes the gain differ by direction.
     const double gain = std::clamp(near[i].edge.gain, 0.5 * middle, 1.5 * middle);
     EdgePoint point = points[i];
     const double excess =

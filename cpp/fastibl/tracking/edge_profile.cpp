@@ -15,8 +15,8 @@ constexpr double kLeastStep = 2e-3;      // of full white
 struct Profile {
   std::array<float, 2 * kMostReach + 1> value{};  // black first; the edge at `reach`
   int reach = 0, lines = 0;
-  float phase = 0;   // as NearEdge
-  double scale = 1;  // px across the edge by px along a scan line
+  float phase = 0;   // as in NearEdge
+  double scale = 1;  // px across the edge per px along a scan line
 };
 
 // With the numbers of channels and pixels known, its loops are unrolled.
@@ -87,7 +87,7 @@ bool clear(double black, double white) {
   return white - black > kLeastContrast * white && white - black > kLeastStep;
 }
 
-// Shot noise grows with the light, and there is some without any.
+// Shot noise grows with the light, and there is some noise without any light.
 double noise_variance(double black, double white) { return 0.5 * (black + white) + 0.02; }
 
 }  // namespace
@@ -119,8 +119,8 @@ std::optional<NearEdge> find_near_edge(const LightReader& light, const ExpectedE
   if (!read_profile(light, {expected.a, expected.b, levels + 1}, p)) return std::nullopt;
   const auto at = [&](int k) { return double(p.value[std::size_t(p.reach + k)]); };
   const auto slope = [&](int k) { return 0.5 * (at(k + 1) - at(k - 1)); };
-  // Half-way between levels that may themselves lie on the edge, where it is wide: they move with
-  // it, and what is left of the slope is how fast the profile crosses the middle between them.
+  // Half-way between levels that may themselves lie on the edge, where it is wide. The levels move
+  // with it, and what is left of the slope is how fast the profile crosses the middle between them.
   double black = 0, white = 0, gain = 0;
   for (int k = nearest; k <= levels; ++k) {
     black += at(-k), white += at(k);

@@ -10,7 +10,7 @@ namespace fastibl {
 namespace {
 
 constexpr double kFrame = 1.0 / 30;  // seconds, where no times are given
-constexpr double kSlowest = 0.02;    // radians a frame that a prediction is trusted to, at best
+constexpr double kSlowest = 0.02;    // radians a frame to which a prediction is trusted, at best
 constexpr double kUnknown = 0.2;     // the same without a velocity
 
 // From a to b, by a share of the way; beyond b for shares over 1.
@@ -20,7 +20,7 @@ Pose between(const Pose& a, const Pose& b, double share) {
           a.translation + share * (b.translation - a.translation)};
 }
 
-// What corners alone leave to be predicted from: their pose, and a motion that may be any hand's.
+// What corners alone give to predict from: their pose, and a motion that may be any hand's.
 std::optional<RowState> state_of_corners(const Tracked& tracked, double readout) {
   RowState state{tracked.camera_from_marker, {}, {}};
   if (tracked.last_row) state.motion = motion_between(state.pose, *tracked.last_row);
@@ -48,7 +48,7 @@ EdgeTracker::EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingO
 
 namespace {
 
-// To the covariance, of a pose that stays behind the one that was measured.
+// Adds to the covariance of a pose that stays behind the measured one.
 void add_lag(const Pose& measured, Tracked& tracked) {
   const Pose& shown = tracked.camera_from_marker;
   const glm::dvec3 turn = rotation_vector(measured.rotation * glm::transpose(shown.rotation)),
@@ -58,7 +58,7 @@ void add_lag(const Pose& measured, Tracked& tracked) {
     for (std::size_t k = 0; k < 6; ++k) tracked.covariance[6 * i + k] += lag[i] * lag[k];
 }
 
-// Another rotation about the camera's place.
+// Gives a pose another rotation about the camera's place.
 void turn_about_camera(Pose& pose, const glm::dmat3& rotation) {
   pose.translation = rotation * (glm::transpose(pose.rotation) * pose.translation);
   pose.rotation = rotation;
@@ -66,7 +66,7 @@ void turn_about_camera(Pose& pose, const glm::dmat3& rotation) {
 
 }  // namespace
 
-// Constant velocity; a gyroscope's turn in the place of the last one.
+// Predicts by constant velocity; a gyroscope's turn takes the place of the last one.
 Pose EdgeTracker::predicted(double time, const MotionHint& hint) const {
   Pose pose = last_->pose;
   const double step = time - last_->time;
@@ -102,7 +102,7 @@ std::optional<Tracked> EdgeTracker::detect(const Picture& picture,
   PosePrior by_corners = prior;
   by_corners.by_corners = true;
   auto tracked = model_.track(bytes, near, by_corners, options_, &rows_);
-  // Edges that cannot be followed leave the corners' word, if it is one.
+  // Where edges cannot be followed, the corners' word counts, if it is one.
   if (!tracked && (start->ambiguous || start->tags.size() < 2)) return std::nullopt;
   if (tracked || !(camera_.readout > 0)) return tracked ? tracked : start;
   const auto state = state_of_corners(*start, camera_.readout);
@@ -115,7 +115,7 @@ void EdgeTracker::smooth(Tracked& tracked, double time) {
   const Pose pose = tracked.camera_from_marker;
   if (options_.smoothing > 0 && shown_ && time > shown_->time) {
     const double step = time - shown_->time;
-    // Lags behind a steady motion by the time constant, whatever the rate.
+    // The pose lags behind a steady motion by the time constant, whatever the rate.
     tracked.camera_from_marker = between(shown_->pose, pose, step / (options_.smoothing + step));
     add_lag(pose, tracked);
     if (tracked.last_row)

@@ -14,13 +14,13 @@ namespace {
 
 constexpr std::size_t kAnchors = 4;  // largest tags, one of which has to be found
 constexpr std::size_t kMostTags = 48;
-constexpr double kSurely = 0.8;  // from which no other one is looked for
-// By so much of the way from one tag to the next their shifts may differ, and pixels.
+constexpr double kSurely = 0.8;  // match from which no other one is looked for
+// Shifts of two tags may differ by this share of the way between them, and by these pixels.
 constexpr double kTurn = 0.25, kSlack = 4;
 constexpr int kData = kTagModules * kTagModules;
 
-// Codes of a part of the picture less kMiddle, 0 outside of it. Rows are read, and take memory,
-// when they are asked for: of a tag that fills a large picture few are.
+// Codes of a part of the picture less kMiddle, 0 outside the picture. Rows are read, and take
+// memory, when they are asked for: few are, of a tag that fills a large picture.
 class Window {
  public:
   static constexpr float kMiddle = 128;
@@ -35,7 +35,7 @@ class Window {
     inside_.assign(stride_, 0.f), read_.assign(std::size_t(height), false);
     for (int x = first(); x < last(); ++x) inside_[std::size_t(x - left)] = 1;
   }
-  // From a column on; of a row that is in the picture.
+  // The codes of a row that is in the picture, from a column on.
   const float* codes(int x, int y) {
     const auto row = std::size_t(y - top_);
     if (!read_[row]) read(row), read_[row] = true;
@@ -61,8 +61,8 @@ class Window {
   std::vector<bool> read_;
 };
 
-// Correlation with a code of its modules' middles, white ones first, at `count` shifts to the right
-// and some more, to whole registers.
+// Correlation of a code with the picture at its modules' middles, white ones first, at `count`
+// shifts to the right and some more, to whole registers.
 template <typename V>
 FASTIBL_INLINE void correlate_by(const float* const* codes, const float* const* inside, int whites,
                                  int modules, int count, float* out) {
@@ -89,8 +89,8 @@ class Search {
   Search(const LightReader& light, const BoardPattern& pattern)
       : light_(light), pattern_(pattern), window_(light) {}
 
-  // The best within `reach` of a shift. No match of a tag that mostly lies beside the picture: it
-  // may be millions of pixels large.
+  // The best match within `reach` of a shift. A tag that mostly lies beside the picture has no
+  // match: it may be millions of pixels large.
   FoundTag best(std::span<const ProjectedTag> tags, std::size_t which, const glm::dvec2& centre,
                 double reach) {
     const ProjectedTag& tag = tags[which];
@@ -183,7 +183,7 @@ std::vector<FoundTag> find_tags(const LightReader& light, const BoardPattern& pa
   if (anchor.match < kCodeSeen) return {};
   std::vector<FoundTag> found = {anchor};
   std::erase(left, anchor.which);
-  // How far each is from the nearest that was found, and which that is.
+  // How far each tag is from the nearest that was found, and which one that is.
   std::vector<double> away(tags.size(), 1e9);
   std::vector<std::size_t> nearest(tags.size(), 0);
   const auto measure = [&] {

@@ -87,7 +87,7 @@ struct Normal {
         if (weights[p] > 0) add(rows[p], weights[p], points[p].offset);
     }
   }
-  // What a shift of all points along their normals, which nothing else is known of, leaves known.
+  // What stays known if all points may share a shift along their normals, of any size.
   struct Shift {
     std::array<double, N> with{};  // the motion
     double alone = 0, value = 0;
@@ -134,8 +134,8 @@ bool finite(const std::array<double, N>& x) {
   return std::isfinite(sum);
 }
 
-// Deviation of a point by its noise, for each kind: 1.4826 medians, of all where a kind is rare; of
-// a share of the points, which is precise enough.
+// Deviation of points relative to their noise, for each kind: 1.4826 medians, of all points where a
+// kind is rare. A share of the points is precise enough.
 std::array<float, kKinds> scales_of(std::span<const EdgePoint> points,
                                     const std::vector<float>& residual, float floor) {
   std::array<std::vector<float>, kKinds> sizes;
@@ -159,7 +159,7 @@ std::array<float, kKinds> scales_of(std::span<const EdgePoint> points,
 Pose moved(const Pose& pose, const std::array<double, 6>& x) {
   Pose next{rotation_from_vector({x[0], x[1], x[2]}) * pose.rotation,
             pose.translation + glm::dvec3(x[3], x[4], x[5])};
-  // Rounding of many small turns is taken out.
+  // Takes out the rounding of many small turns.
   glm::dmat3& r = next.rotation;
   r[0] = glm::normalize(r[0]);
   r[1] = glm::normalize(r[1] - glm::dot(r[0], r[1]) * r[0]);

@@ -14,8 +14,8 @@ namespace {
 
 constexpr int kMotion = 7;          // pose and blur
 constexpr int kSums = kMotion + 3;  // and level of black, step to white, residual
-// Deviations of the blur from an edge between which slope²/variance is near its most: farther on
-// black the slope is gone, on white the noise is larger.
+// Distances from an edge, in deviations of the blur, between which slope²/variance is near its
+// most. Farther on black the slope is gone; on white the noise is larger.
 constexpr double kBest = 0.45, kNarrowest = 1.0, kWidest = 2.2;
 constexpr double kLeastModule = 2.2;  // deviations of the blur: modules narrower than that blend
 constexpr int kLeastPixels = 24;
@@ -45,7 +45,7 @@ enum Field {
 template <int Count>
 struct alignas(sizeof(Lanes)) Rows {
   Lanes row[Count];
-  // Those of a row from `lane` on that V holds.
+  // The numbers of a row that V holds, from `lane` on.
   template <typename V>
   FASTIBL_INLINE V at(std::size_t k, int lane) const {
     return floats_at<V>(reinterpret_cast<const float*>(row + k) + lane);
@@ -56,7 +56,7 @@ struct alignas(sizeof(Lanes)) Rows {
   }
 };
 using Block = Rows<kFields>;
-// What they should show for a step of 1, and how that changes with motion and blur.
+// What the pixels should show for a step of 1, and how that changes with motion and blur.
 using Expected = Rows<kMotion + 1>;
 
 // Share of a normal distribution below x, and its density: Abramowitz and Stegun, 26.2.16.
@@ -221,8 +221,8 @@ Levels levels_of(std::span<const Block> blocks, const Expected* expected) {
   return levels;
 }
 
-// Up to 16 pixels of a module into the lanes of a block from `lane` on. fields: what they share;
-// own: what they do not, of the first of them, with 16 floats before it that may be read.
+// Puts up to 16 pixels of a module into the lanes of a block from `lane` on. fields: what they
+// share; own: what they do not, from the first of them on, with 16 readable floats before it.
 template <typename V>
 FASTIBL_INLINE void put_lanes_by(const float* fields, const float* const* own,
                                  const int* own_fields, int own_count, int lane, int count,
@@ -249,7 +249,7 @@ FASTIBL_BY_WIDTH(void put_lanes(const float* fields, const float* const* own, co
                                 int own_count, int lane, int count, Block& block),
                  put_lanes_by<V>(fields, own, own_fields, own_count, lane, count, block))
 
-// Not below x; ceil() is a call where processors may lack it.
+// Rounds x up; ceil() is a call where processors may lack it.
 int next_whole(double x) {
   const int down = int(x);
   return down + (x > down);
@@ -262,7 +262,7 @@ class Collector {
             const Pose& pose, double blur)
       : light_(light), pattern_(pattern), lens_(lens), pose_(pose), blur_(blur) {}
 
-  // Every `step`-th edge, from the `turn`-th on; `width`: px across the edge.
+  // Adds every `step`-th edge, from the `turn`-th on; `width`: px across the edge.
   void add(const ProjectedTag& tag, std::size_t step, std::size_t& turn, double width,
            std::vector<Block>& blocks) {
     blocks_ = &blocks, lane_ = kLanes;
@@ -338,7 +338,7 @@ class Collector {
     const bool flat = std::abs(t.x) > std::abs(t.y);
     const int i = flat ? 0 : 1, j = 1 - i;
     const double slope = t[j] / t[i], thick = std::sqrt(1 + slope * slope);
-    // Towards black is the right of the edge.
+    // Black is on the right of the edge.
     const double side = (flat ? t.x > 0 : t.y < 0) ? 1 : -1;
     const double from = (kBest * blur_ - 0.5 * width) * thick,
                  to = (kBest * blur_ + 0.5 * width) * thick;
@@ -359,7 +359,7 @@ class Collector {
     put(m);
   }
 
-  // The pixels that were found, all of one module.
+  // Puts the pixels that were found, all of one module.
   void put(const Module& m) {
     place_pixels(m);
     for (int k = 0; k < found_; ++k)
@@ -379,7 +379,7 @@ class Collector {
     count_ += std::size_t(found_), found_ = 0;
   }
 
-  // Where they are in the module and on the board.
+  // Finds where they are in the module and on the board.
   void place_pixels(const Module& m) {
     for (int k = 0; k < found_; ++k) {
       const double x = x_[k] + 0.5 - m.centre.x, y = y_[k] + 0.5 - m.centre.y;
@@ -430,7 +430,7 @@ void add_tag(std::span<const Block> blocks, const Expected* expected, const Leve
   }
 }
 
-// Motion and widening of the blur. scale: deviation of the pixels, by what was expected.
+// Solves for motion and widening of the blur. scale: deviation of the pixels by the expected one.
 bool solve(const Sums& sums, double scale, PixelFit& fit, std::array<double, 6>& motion,
            double& wider) {
   constexpr std::size_t w = kMotion + 1, b = kMotion - 1;

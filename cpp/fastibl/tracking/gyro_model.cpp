@@ -8,9 +8,9 @@ namespace {
 
 constexpr double kForget = 0.99;          // a frame
 constexpr double kLeastNoise = 2e-4;      // radians, of the difference of two turns
-constexpr double kOutlier = 4;            // deviations, from where differences count less
+constexpr double kOutlier = 4;            // deviations, above which differences count less
 constexpr double kTurns = 0.5 * kDegree;  // from one frame to the next
-constexpr double kClear = 4;              // of the variance of a turn, from where on it tells
+constexpr double kClear = 4;              // times the variance of a turn, above which it tells
 constexpr double kLeastTurned = 12;       // frames
 constexpr double kMostOtherwise = 0.3;    // of these
 constexpr double kRateError = 0.3;        // of the change of a rate: of its value at the last frame
@@ -75,7 +75,7 @@ void GyroModel::compare() {
       std::max(glm::length(r2) * step, glm::length(rotation_vector(orthonormal(seen))));
   if (turn > kTurns && turn * turn > kClear * 3 * noise) {
     turned_ = kForget * turned_ + 1;
-    // Less what noise makes of it, which averages out.
+    // Minus the part from noise, which averages out.
     const double share = (glm::dot(left, left) - 3 * noise) / (turn * turn);
     otherwise_ = kForget * otherwise_ + std::clamp(share, -1.0, 1.0);
   }

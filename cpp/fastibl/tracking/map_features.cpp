@@ -7,7 +7,7 @@
 namespace fastibl {
 namespace {
 
-// Relative variance of a texel over RGB from which on it is not known: lower bounds have about 1.
+// Relative variance of a texel over RGB above which it is not known: lower bounds have about 1.
 constexpr float kMostVariance = 0.1f;
 constexpr float kLeastGradient = 0.03f;  // of the light, from one texel to the next
 constexpr double kDark = 0.001;          // of the mean radiance

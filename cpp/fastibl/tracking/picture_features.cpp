@@ -17,7 +17,7 @@ constexpr float kSignificant = 16;  // squared gradient by what noise makes of i
                                     // a cell, noise alone hardly ever reaches it
 constexpr float kApart = 2.0f;      // blocks between features of a tile
 
-// Relative variance of the mean over a block of a linear value: as of a small sensor.
+// Relative variance of a block's mean of a linear value, as for a small sensor.
 float noise_of(float value, int block) {
   return (4e-6f + value / 3000) / (float(block * block) * value * value);
 }

@@ -71,8 +71,8 @@ glm::dvec2 on_side(std::size_t side, double along, double in) {
   }
 }
 
-// Parts of a side that are measured. Of blurred pictures, those behind whose border there is more
-// black: elsewhere white modules lift the black level, and the edge would be found too far out.
+// Parts of a side that are measured. In blurred pictures, only those with more black behind the
+// border: elsewhere white modules lift the black level, and the edge would be found too far out.
 class Measured {
   struct Part {
     double from, to;
@@ -110,7 +110,7 @@ class Measured {
       }
     if (length >= kLeastBacked) parts_ = std::move(parts), length_ = length;
   }
-  // Along the side, 0 to 1, of a share of what is measured.
+  // The place along the side, 0 to 1, at a share of what is measured.
   double at(double share) const {
     double rest = share * length_;
     for (const Part& part : parts_) {

@@ -66,7 +66,7 @@ void roll_corners(const Board& board, const Camera& camera, double noise, Tracke
     pose = fit->camera_from_marker, rows.motion = fit->row_motion;
   }
   const double residual = rms(points_of(tracked, board, lens, pose, rows, noise));
-  // The points' own scatter is their deviation, and noise what it is at least.
+  // The points' own scatter is their deviation; it is at least noise.
   double smallest = 1e9;
   for (const float d : fit->deviation) smallest = std::min(smallest, double(d));
   const double variance = std::max(1.0, noise * noise / (smallest * smallest));

@@ -12,23 +12,24 @@ namespace {
 constexpr int kFewToCompare = 300;  // features of a picture, to see whether it agrees
 constexpr double kAgrees = 0.75, kAgreeing = 0.93;  // of Alignment::residual and agreeing
 constexpr int kFewestToAgree = 50;                  // features
-constexpr int kAttempts = 2;  // each goes on from what the one before made of it
-// Where a rotation is expected no better than to kWide radians, no other may agree as well: within
-// kReach deviations, from kSimilar of the features on, with a residual up to kAsGood times as
-// large.
+constexpr int kAttempts = 2;  // each one starts from the result of the one before
+// Where a rotation is expected no better than to kWide radians, no other one may agree about as
+// well: one within kReach deviations, with at least kSimilar of the features and a residual up to
+// kAsGood times as large.
 constexpr double kWide = kDegree;
 constexpr double kReach = 2, kSimilar = 0.5, kAsGood = 1.5;
-constexpr double kWidest = 3 * kWide;  // radians, from where on so many features have to agree
+constexpr double kWidest = 3 * kWide;  // radians, above which so many features have to agree
 constexpr int kFew = 40;
-constexpr double kApart = kWide;  // radians, from where on it is another
-// Of the largest residual: where it is expected better than that, a rotation is hardly a wrong one.
+constexpr double kApart = kWide;  // radians, above which a rotation is another one
+// Of the largest residual, where a rotation is expected better than to kWide: it is hardly a wrong
+// one.
 constexpr double kNear = 1.5;
 // Of the largest residual: beyond, what is seen contradicts a gyroscope; near walls and blur do
 // not.
 constexpr double kContradicts = 3;
 constexpr double kBlank =
     0.4;  // log2: deviation of a picture's large parts that vignetting may have
-// Seconds: pictures that come later, one camera's after the other's, are of the same moment.
+// Seconds by which one camera's picture may come after the other's and be of the same moment.
 constexpr double kSameMoment = 2e-3;
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
@@ -157,7 +158,7 @@ void RotationTracker::start(const Pose& back_from_marker, double time, const Rig
   }
   if (pictures.velocity) state_->velocity = *pictures.velocity;
   eye_ = back_from_marker.inverse().translation;
-  // What the pictures show then is off by what the pose is, all of it alike.
+  // What the pictures show is then off by as much as the pose is, all of it alike.
   known_ = found_ = time, last_drift_ = found_drift_ = variance, contradicted_ = false;
   add_features(views(pictures, &*state_));
 }
@@ -177,7 +178,7 @@ RotationTracker::State RotationTracker::predicted(double time,
       const double noise = options_.gyro_noise * options_.gyro_noise;
       s.velocity = w / t;
       const double scale = options_.gyro_scale * options_.gyro_scale;
-      const glm::dvec3 told = s.told + w;  // a scale is wrong all the way
+      const glm::dvec3 told = s.told + w;  // a wrong scale is wrong all the way
       s.ww += glm::dmat3(noise * t + variance) +
               scale * (glm::outerProduct(told, told) - glm::outerProduct(s.told, s.told));
       s.wv = glm::dmat3(0.0), s.vv = glm::dmat3(noise / t + variance / (t * t)), s.told = told;
@@ -185,8 +186,8 @@ RotationTracker::State RotationTracker::predicted(double time,
     return s;
   }
   s.rotation = orthonormal(s.rotation * rotation_from_vector(s.velocity * t));
-  // An acceleration that changes on the way: one that is the same all along would make up for a
-  // wrong velocity with one as wrong the other way, for ever.
+  // The acceleration changes on the way: a constant one would make up for a wrong velocity with one
+  // as wrong the other way, for ever.
   const double a2 = options_.acceleration * options_.acceleration;
   s.ww += t * (s.wv + glm::transpose(s.wv)) + t * t * s.vv + glm::dmat3(a2 * t * t * t * t / 3);
   s.wv += t * s.vv + glm::dmat3(a2 * t * t * t / 2);
@@ -200,13 +201,13 @@ void RotationTracker::add_features(const std::vector<MapView>& views) {
               float(last_drift_), features_.dark());
 }
 
-// state: as of the pictures, for rolling shutters.
+// state: at the time of the pictures, for rolling shutters.
 std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const State* state) {
   std::vector<MapView> views;
   const glm::dvec3 velocity = pictures.velocity ? *pictures.velocity
                               : state           ? state->velocity
                                                 : glm::dvec3(0);
-  // A rotation that is off is so because the velocity was.
+  // A rotation is off because the velocity was.
   glm::dmat3 velocity_by_w(0.0);
   if (state && !pictures.velocity)
     velocity_by_w = glm::transpose(state->wv) * glm::inverse(state->ww);
@@ -252,8 +253,8 @@ std::optional<Turned> RotationTracker::turned(const glm::dmat3& rotation,
   return out;
 }
 
-// Whether no other rotation that is to be expected agrees with the pictures about as well: found
-// from places all around.
+// Whether no other rotation that may be expected agrees with the pictures about as well; others are
+// sought from places all around.
 bool RotationTracker::is_only_one(const Alignment& found, const RotationPrior& prior,
                                   const std::vector<MapView>& seen) const {
   AlignmentOptions options = options_.alignment;

@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::size_t kAll = kRowParameters;
 
-// Of the state a share of the readout later: the pose changes with the motion. Axes turn by a
-// degree or two meanwhile, which is left out.
+// Matrix from the state to that a share of the readout later: the pose changes with the motion.
+// Axes turn by a degree or two meanwhile, which is left out.
 RowMatrix step(double share) {
   RowMatrix f{};
   for (std::size_t i = 0; i < kAll; ++i) f[(kAll + 1) * i] = 1;
@@ -120,8 +120,8 @@ std::array<double, 36> steadiness(const Unsteadiness& by, const glm::dvec3& plac
 }
 
 // With information A of the pose, C of both and D of the motion, the motion's covariance is
-// V = (D - Cᵀ A⁻¹ C)⁻¹ and the pose goes with it by G = -A⁻¹ C: in all K + G V Gᵀ, G V and V, K
-// that of a known motion. The jerk is one of the motion here, and left out of the result.
+// V = (D - Cᵀ A⁻¹ C)⁻¹, and the pose goes with it by G = -A⁻¹ C. In all: K + G V Gᵀ, G V and V;
+// K is that of a known motion. The jerk is part of the motion here, and is left out of the result.
 std::optional<RowMatrix> joint_covariance(const UnknownMatrix& information, double variance,
                                           const std::array<double, 36>& known) {
   constexpr std::size_t n = kRowUnknowns, m = n - 6;

@@ -28,7 +28,7 @@ class Modules {
   int id_, border_, n_;
 };
 
-// Modules of one colour from (row, column) on.
+// Number of modules of one colour from (row, column) on.
 std::uint8_t run(const Modules& modules, int row, int column, int down, int right) {
   const bool black = modules.black(row, column);
   int count = 0;

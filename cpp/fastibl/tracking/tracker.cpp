@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kMostStarts = 8;   // largest tags whose own pose is tried as a start
 constexpr double kSmallestNoise = 0.02;  // px; corners closer than this are not told apart
-constexpr double kUnmeasured = 8;        // noise of a detector's corner by that of a measured one
+constexpr double kUnmeasured = 8;        // noise of a detector's corner, relative to a measured one
 constexpr double kRollingResidual = 4;   // px, at a degree or two in a readout
 constexpr double kAmbiguous = 0.5;       // ratio of costs, see tests/test_tracking.py
 constexpr double kSameMinimum = 0.5 * kDegree;  // choosing wrong costs less than this
@@ -80,7 +80,8 @@ double squared_px(const Seen& s, const Lens& lens, const Pose& pose) {
   return squared_error(s, lens, pose) * s.matches[0].noise * s.matches[0].noise;
 }
 
-// From 0 to 1 a tag. A tag far off speaks for nothing, however far off it is; but it never ties.
+// From 0 to 1 for each tag. One far off speaks for nothing, however far off it is; but it never
+// ties.
 double disagreement(const std::vector<Seen>& seen, const Lens& lens, const Pose& pose) {
   double sum = 0;
   for (const Seen& s : seen) {
@@ -152,8 +153,8 @@ TwoMinima fit_both(std::span<const Match> matches, const Lens& lens, const Pose&
   return two;
 }
 
-// Cost of the second minimum; where noise has merged it with the first, of the mirrored pose as it
-// is, for the truth may lie there. Nothing where that is the same pose.
+// Cost of the second minimum. Where noise has merged it with the first, it is that of the mirrored
+// pose itself, because the truth may lie there. Nothing where that is the same pose.
 std::optional<double> other_cost(const TwoMinima& fit, std::span<const Match> matches,
                                  const Lens& lens, const Loss& loss) {
   const Pose& best = fit.best->camera_from_marker;
@@ -277,7 +278,7 @@ std::optional<Tracked> fit_still(const Detection& detection, std::span<const dou
   return tracked;
 }
 
-// Of a rolling shutter: first as if all corners were seen at once, of which they may be pixels off.
+// For a rolling shutter: fits first as if all corners were seen at once, which may be pixels off.
 std::optional<Tracked> fit_tags(const Detection& detection, std::span<const double> noise,
                                 const Board& board, const Camera& camera,
                                 const TrackingOptions& options) {
