@@ -148,7 +148,7 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   board_moves_ = board_motion_.moving();
   const std::optional<glm::dmat3> moved = board_motion_.moved();
   if (moved) rotation_tracker_->forget();
-  // By a gyroscope a board is seen to turn slowly, too, if it is not asked anew each time.
+  // By a gyroscope a slow turn of a board is seen, too, if no look starts anew from the board.
   const bool told = attitude_ && turned && turned->own_deviation() < kSureTurn;
   if (board_moves_) return moved;
   if (told && !moved)

@@ -413,7 +413,7 @@ void Rasterizer::resolve(const Geometry& g, const SampleWindow& window, Work& wo
         add(g, {seen[0], x, y, kSamples, kMiddle, kMiddle}, work, band);
         continue;
       }
-      int asked = -1;  // whether it is curved
+      int asked = -1;  // the triangle that `curved` is of
       bool curved = false;
       for (std::size_t s = 0; s < kSamples; ++s) {
         if (seen[s] < 0) continue;
