@@ -150,7 +150,7 @@ __all__ = [
 
 _attach()
 
-# Brought along only when asked for: they import OpenCV, or much else.
+# Imported only when they are asked for, because they import OpenCV or other large packages.
 _MODULES = (
     "batch", "calibration", "display", "exposure", "faults", "guidance", "gyroscope", "live", "measuring", "recorder",
     "recording", "report", "sources", "truth", "white",

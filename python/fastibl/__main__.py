@@ -27,7 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 @contextmanager
 def _plain_warnings() -> Iterator[None]:
-    """What a command warns of is for a person: a line like that of an error, without the place in the code."""
+    """Prints a command's warnings for a person to read: one line, like an error's, without the place in the code."""
     before = warnings.formatwarning
     warnings.formatwarning = lambda message, *_, **__: f"fastibl: warning: {plain_text(message)}\n"
     try:

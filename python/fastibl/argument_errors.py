@@ -16,7 +16,8 @@ from typing import Any, NamedTuple, SupportsIndex
 from . import _fastibl
 from .expected import wrong_type
 
-# What each annotation of pybind11's takes. Others (arrays, callables) say themselves what they expected.
+# The types that each annotation of pybind11 accepts. Other annotations (arrays, callables) have error messages of their
+# own.
 _KINDS: dict[str, type] = {
     "typing.SupportsFloat": Real,
     "typing.SupportsInt": SupportsIndex,
@@ -38,12 +39,12 @@ _OPENING, _CLOSING = "([{", ")]}"
 class _Parameter(NamedTuple):
     name: str
     annotation: str
-    kinds: tuple[type, ...]  # empty: anything, as far as can be seen from here
+    kinds: tuple[type, ...]  # empty: anything is accepted, as far as can be told here
     needed: bool
-    by_name: bool  # after a bare *
+    by_name: bool  # comes after a bare *
 
     def has_room_for(self, value: Any) -> bool:
-        """Whether a whole number, where one is expected, is none that is too large, or below 0."""
+        """False if a whole number is expected and the value is one that is too large or below 0."""
         if SupportsIndex not in self.kinds or value is None:
             return True
         try:
@@ -52,7 +53,7 @@ class _Parameter(NamedTuple):
             return False
 
     def expected(self) -> str:
-        """What a sequence should hold."""
+        """Says what is expected; for a sequence, also what it should hold."""
         text = self.annotation.replace("typing.SupportsFloat | typing.SupportsIndex", "numbers")
         text = text.replace("typing.SupportsInt | typing.SupportsIndex", "whole numbers")
         sized = r'typing\.Annotated\[collections\.abc\.Sequence\[([^][]*)\], "FixedSize\((\d+)\)"\]'
@@ -62,7 +63,7 @@ class _Parameter(NamedTuple):
 
 
 def _split(text: str, at: str) -> list[str]:
-    """At a character outside brackets and quotes."""
+    """Splits at a character that is outside brackets and quotes."""
     parts, depth, quote = [""], 0, ""
     for c in text:
         if quote:
@@ -98,7 +99,7 @@ def _parameters(signature: str) -> list[_Parameter]:
         kinds = [k for k in told if k is not None]
         if None in told:
             kinds = []
-        elif Real in kinds:  # whole ones are among them
+        elif Real in kinds:  # whole numbers are real numbers, too
             kinds = [k for k in kinds if k is not SupportsIndex]
         found.append(_Parameter(name, annotation, tuple(dict.fromkeys(kinds)), not default, by_name))
     return found

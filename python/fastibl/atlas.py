@@ -14,10 +14,10 @@ from math import ceil, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-_LONGEST = 8192  # texels along an edge, at most
-_MOST_TEXELS = 2**25  # 400 MB as float RGB
+_LONGEST = 8192  # most texels along an edge
+_MOST_TEXELS = 2**25  # this is 400 MB as float RGB
 _LEAST_MARGIN = 8
-_TRIED = 16  # widths
+_TRIED = 16  # number of rooms whose summed widths are tried as the atlas's width
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Cell:
     y: int
     width: int
     height: int
-    columns: int  # of the texture
+    columns: int  # the texture's own size, without the margin
     rows: int
 
     @property
@@ -123,7 +123,7 @@ def _up(n: float, unit: int) -> int:
 
 @dataclass(frozen=True)
 class _Room:
-    """What a texture takes. unit: a power of two; the corners of its cell are multiples of it."""
+    """The room that a texture takes. unit: a power of two; the corners of the texture's cell are multiples of it."""
 
     columns: int
     rows: int
@@ -141,17 +141,19 @@ class _Room:
 
 
 def _pack(sizes: list[tuple[int, int]]) -> Atlas | None:
-    """None where they do not fit."""
+    """Returns None where the textures do not fit."""
     atlas = _smallest([_Room.of(size, 0) for size in sizes])
     if atlas is None:
         return None
-    # Light that an object throws is read from 64 texels across a picture: two of them for the smallest, where all may.
+    # Light that an object throws is read from 64 texels across a picture: two of them go to the smallest texture, where
+    # all textures can have that many.
     least = min(max(atlas.width, atlas.height) / 16, sqrt(atlas.width * atlas.height / len(sizes)))
     return _smallest([_Room.of(size, least) for size in sizes]) or atlas
 
 
 def _smallest(rooms: list[_Room]) -> Atlas | None:
-    """In shelves, the highest first, of the width that takes few texels and is no strip."""
+    """Puts the textures in shelves, the highest first, at the width that needs few texels without becoming a narrow
+    strip."""
     area = sum(room.width * room.height for room in rooms)
     if area > _MOST_TEXELS:
         return None

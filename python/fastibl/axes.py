@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment, texel_directions
 from .expected import expect
 
-# Rows give a direction in the named axes from one in the marker frame: x stays, up is y, and what lies up the board
-# (marker +y) lies along -z, where a glTF or three.js camera looks.
+# The matrices take a direction in the marker frame to one in the named axes: x stays, up becomes y, and what lies up
+# the board (marker +y) lies along -z, where a glTF or three.js camera looks.
 _AXES = {
     "marker": np.eye(3, dtype=int),
     "gltf": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
 }
-# The same for the frame in which an equirectangular picture has u = 1/2 + atan2(x, y)/2 pi, v = acos(z)/pi. With glTF's
-# axes a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi, as three.js and Khronos' viewer read it.
+# The same, but to the frame in which an equirectangular picture has u = 1/2 + atan2(x, y)/2 pi, v = acos(z)/pi. With
+# glTF's axes a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi, as three.js and Khronos' viewer read it.
 _PICTURE = {
     "marker": np.eye(3, dtype=int),
     "gltf": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
@@ -23,7 +23,7 @@ _PICTURE = {
 NAMES = tuple(_AXES)
 HANDEDNESS = ("left", "right")
 
-# Major axis, s axis (right) and t axis (down) of each face.
+# The major axis, s axis (right) and t axis (down) of each face.
 _FACES = np.array(
     [
         [(1, 0, 0), (0, 0, -1), (0, -1, 0)],
@@ -57,7 +57,7 @@ def turned(cube: CubeMap, turn: NDArray[np.int_]) -> CubeMap:
     """The map with each of its directions d moved to turn @ d; turn is a signed permutation, so that no value
     changes."""
     n = cube.size
-    # Texel centres in whole numbers: n along the major axis, 2 x + 1 - n across.
+    # The texel centres in whole numbers: n along the major axis, 2 x + 1 - n across.
     to = texel_directions(n).astype(np.float64)
     to = np.rint(to / np.abs(to).max(axis=-1, keepdims=True) * n).astype(int)
     there = to @ turn

@@ -42,7 +42,7 @@ from ._fastibl import set_threads
 from ._fastibl import threads as threads_now
 from .expected import expect
 
-_UNFINISHED = ".unfinished"  # in `out`: what is being written
+_UNFINISHED = ".unfinished"  # folder in `out` for results that are being written
 _SUMMARY = "summary.json"
 
 
@@ -126,7 +126,7 @@ def run(
     if executor is not None and not hasattr(executor, "submit"):
         raise TypeError(f"an executor needs submit(function, *arguments), got {type(executor).__name__}")
     out.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(out / _UNFINISHED, ignore_errors=True)  # of a run that was killed
+    shutil.rmtree(out / _UNFINISHED, ignore_errors=True)  # left by a run that was killed
     begin = time.perf_counter()
     results = {n: Item(n, "kept") for n in names if (out / n).exists()}
     todo = {n: item for n, item in zip(names, items, strict=True) if n not in results}
@@ -139,7 +139,7 @@ def run(
                 if item.error:
                     bar.write(f"{item.name}: {item.error}")
     finally:
-        set_threads(before)  # items that ran in this process set others
+        set_threads(before)  # items that ran in this process changed the number of threads
     summary = Summary(tuple(results[n] for n in names), time.perf_counter() - begin)
     shutil.rmtree(out / _UNFINISHED, ignore_errors=True)
     _write_summary(out, summary)
@@ -164,7 +164,7 @@ def _names(items: list[Any], name: Callable[[Any], str], suffix: str) -> list[st
 
 @contextmanager
 def _executor(given: Any, workers: int | None, count: int) -> Iterator[tuple[Any, int | None]]:
-    """Who runs the items, and how many threads of fastibl each may have."""
+    """Gives the executor that runs the items, and how many threads of fastibl each item may use."""
     if given is not None:
         yield given, None
         return
@@ -173,13 +173,14 @@ def _executor(given: Any, workers: int | None, count: int) -> Iterator[tuple[Any
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     workers = max(1, min(workers or cores, count))
-    # Started anew: a fork would copy locks that threads of this process hold.
+    # New processes are spawned: a fork would copy locks that threads of this process hold.
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_end_with_parent) as pool:
         yield pool, max(1, cores // workers)
 
 
 def _end_with_parent() -> None:
-    """Ends this worker when the run is killed, which tells it nothing: it would wait for work for ever."""
+    """Ends this worker when the run is killed. A killed run does not tell its workers, and they would wait for work for
+    ever."""
     import multiprocessing
     import threading
 
@@ -205,8 +206,8 @@ def _every(
     executor: Any, workers: int | None, function: Callable[[Any, Path], object], todo: dict[str, Any], out: Path,
     threads: int | None,
 ) -> Iterator[Item]:  # fmt: skip
-    """All items. A process that is killed takes its pool with it: those that it may have worked on go alone, one after
-    the other, to tell which it was, and the others to a new pool."""
+    """Gives all items. A process that is killed takes its whole pool with it: the items that it may have been working
+    on then run alone, one after the other, to find the one that caused it; all other items go to a new pool."""
     left, hopeful = dict(todo), executor is None
     while left:
         lost: list[str] = []
@@ -215,7 +216,7 @@ def _every(
             for item in _finished(runner, function, dict(left), out, threads or share, lost if hopeful else None):
                 del left[item.name]
                 yield item
-        hopeful = bool(lost) or len(left) < before  # else no process even begins
+        hopeful = bool(lost) or len(left) < before  # otherwise not even one process starts
         for name in lost:
             with _executor(None, 1, 1) as (runner, _):
                 yield from _finished(runner, function, {name: left.pop(name)}, out, threads or share, None)
@@ -225,20 +226,22 @@ def _finished(
     runner: Any, function: Callable[[Any, Path], object], todo: dict[str, Any], out: Path, threads: int | None,
     lost: list[str] | None,
 ) -> Iterator[Item]:  # fmt: skip
-    """Items as they come back, from futures of any kind. lost: takes the names of those that may have ended their
-    process, with which all others come to nothing, and are not given; None: they are failed items."""
+    """Gives items as they come back, from futures of any kind. lost: gets the names of items that may have ended their
+    process. Neither these nor the other items that were lost with it are given. None: all of them are given as
+    failed."""
     from concurrent.futures.process import BrokenProcessPool
 
     back: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
     futures, begun = [], {}
     try:
         for n, item in todo.items():
-            # A name of its own: an executor that remembers calls must not answer with an earlier one's failure.
+            # Each attempt has its own folder name: an executor that caches calls must not answer with an earlier
+            # failure.
             part = out / _UNFINISHED / uuid.uuid4().hex[:12] / n
             begun[n] = _mark(part)
             try:
                 future = runner.submit(_attempt, function, item, part, out / n, threads)
-            except Exception as broke:  # the pool: of those that were submitted we hear
+            except Exception as broke:  # the pool is broken; the futures submitted before report it
                 if lost is None:
                     yield Item(n, "failed", 0.0, _last_line(broke))
                 continue
@@ -254,7 +257,7 @@ def _finished(
                         lost.append(n)
                     continue
                 seconds, error, trace = 0.0, _last_line(broke), ""
-            except Exception as broke:  # its process was killed, or it cannot be sent there
+            except Exception as broke:  # its process was killed, or the item cannot be sent there
                 seconds, error, trace = 0.0, _last_line(broke), ""
             yield Item(n, "failed" if error else "done", seconds, error, trace)
     except BaseException:
@@ -266,10 +269,10 @@ def _finished(
 def _attempt(
     function: Callable[[Any, Path], object], item: Any, part: Path, final: Path, threads: int | None
 ) -> tuple[float, str, str]:
-    """Runs where the executor does: seconds, and what was raised."""
+    """Runs where the executor runs it. Returns the seconds it took, and what was raised."""
     begin = time.perf_counter()
     error = trace = ""
-    # A real Ctrl-C reaches the parent, too.
+    # A Ctrl-C that the user pressed reaches the parent process, too.
     failures = (Exception, SystemExit, *((KeyboardInterrupt,) if parent_process() is not None else ()))
     try:
         part.parent.mkdir(parents=True, exist_ok=True)
@@ -287,7 +290,7 @@ def _attempt(
             )
         _sync(part)
         os.replace(part, final)
-    except failures as raised:  # the summary tells
+    except failures as raised:  # the summary reports it
         error, trace = _last_line(raised), traceback.format_exc()
     _remove(part.parent)
     _mark(part).unlink(missing_ok=True)
@@ -295,7 +298,7 @@ def _attempt(
 
 
 def _mark(part: Path) -> Path:
-    """A file that is there while an item is worked on."""
+    """The path of a file that exists while an item is worked on."""
     return part.parent.with_name(f"{part.parent.name}.begun")
 
 
@@ -304,7 +307,8 @@ def _last_line(error: BaseException) -> str:
 
 
 def _sync(part: Path) -> None:
-    """Content before its name: a machine that stops leaves no result that is empty."""
+    """Writes the content to disk before the result gets its name, so that a machine that stops leaves no empty
+    result."""
     for path in [part, *part.rglob("*")] if part.is_dir() else [part]:
         if path.is_file():
             with open(path, "rb") as file:

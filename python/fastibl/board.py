@@ -14,16 +14,16 @@ from ._fastibl import Board, Tag
 from .file_limits import MOST_PIXELS
 from .whole_file import write_whole
 
-DATA_MODULES = 6  # of family 36h11 along one side, without its border
+DATA_MODULES = 6  # modules of a tag of family 36h11 along one side, without its border
 METRES_PER_INCH = 0.0254
-_UNPRINTED = 0.006  # metres at a page's edge that printers may leave white
-_STROKE = 0.0002  # metres, at least half a drawn line
+_UNPRINTED = 0.006  # metres along a page's edge that printers may leave white
+_STROKE = 0.0002  # metres, at least half the width of a drawn line
 
 
 def tag_modules(id: int, border_bits: int = 1) -> NDArray[np.bool_]:
     """Black modules (n, n) of a tag of 36h11 with its border, n = 6 + 2 border_bits, as OpenCV's dictionary
     reads it: row 0 on top, corner order as in Tag.corners."""
-    import cv2  # heavy, and not needed to import fastibl
+    import cv2  # slow to import, and not needed to import fastibl
 
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     n = DATA_MODULES + 2 * border_bits
@@ -31,22 +31,24 @@ def tag_modules(id: int, border_bits: int = 1) -> NDArray[np.bool_]:
 
 
 def _in_page(board: Board, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Marker frame (x right, y up, centre) to the page (x right, y down, upper left corner), metres."""
+    """Takes points in the marker frame (x right, y up, origin at the centre) to the page (x right, y down, origin at
+    the upper left corner), metres."""
     return np.stack([points[..., 0] + board.width / 2, board.height / 2 - points[..., 1]], -1)
 
 
 def _coverage(edges: NDArray[np.float64], pixels: int) -> NDArray[np.float64]:
-    """Share (intervals, pixels) of each pixel that each interval between ascending edges covers."""
+    """The share (intervals, pixels) of each pixel that is covered by each interval between ascending edges."""
     covered = np.clip(edges[:, None] - np.arange(pixels), 0, 1)
     return np.diff(covered, axis=0)
 
 
 def _ink(corners: NDArray[np.float64], modules: NDArray[np.bool_], shape) -> NDArray[np.float64]:
-    """Share of ink (height, width) of one tag; corners (4, 2) in pixels of the picture."""
+    """The share of ink (height, width) of one tag; corners (4, 2) in pixels of the picture."""
     n = len(modules)
     across, down = corners[1] - corners[0], corners[3] - corners[0]
     if np.allclose(corners[2], corners[1] + down, atol=1e-9 * n) and min(abs(across)) < 1e-9 * n:
-        # Upright, or turned by quarters: module edges run along rows and columns, exact per pixel.
+        # An upright tag, or one turned by quarter turns: module edges run along rows and columns, so each pixel is
+        # exact.
         turns = int(np.argmin(corners.sum(1)))
         upright = np.rot90(modules, turns)
         low, high = corners.min(0), corners.max(0)
@@ -67,10 +69,12 @@ def _ink(corners: NDArray[np.float64], modules: NDArray[np.bool_], shape) -> NDA
 
 
 def _caption(board: Board) -> tuple[float, float, float, str] | None:
-    """Baseline y and text height (page, metres), length of the check line, text; None without room for it.
+    """Baseline y and text height (page, metres), length of the check line, and text; None where there is no room for
+    it.
 
-    It stands in the margin below the lowest tag, one module clear of it: the detector needs the white. The line is on
-    top, as far from the page's edge as printers leave white, or as there is room.
+    The caption stands in the margin below the lowest tag, one module away from it, because the detector needs white
+    around the tag. The line is above the text, as far from the page's edge as printers leave white, or as the room
+    allows.
     """
     lowest = max(_in_page(board, tag.corners)[:, 1].max() for tag in board.tags)
     sides = [np.linalg.norm(tag.corners[1] - tag.corners[0]) for tag in board.tags]
@@ -150,13 +154,13 @@ def save_board(board: Board, path: str | os.PathLike, dpi: float = 300.0) -> Non
 
 
 def _png(image: NDArray[np.uint8], dpi: float) -> bytes:
-    """PNG that says how large it is: OpenCV writes no pHYs chunk, so one is put behind the header."""
+    """A PNG that says how large it is: OpenCV writes no pHYs chunk, so one is inserted after the header."""
     import cv2
 
     data = cv2.imencode(".png", image)[1].tobytes()
     per_metre = round(dpi / METRES_PER_INCH)
     chunk = b"pHYs" + struct.pack(">IIB", per_metre, per_metre, 1)
-    header = 8 + 25  # signature, then IHDR: length, name, 13 bytes, checksum
+    header = 8 + 25  # the signature, then IHDR: length, name, 13 bytes, checksum
     physical = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
     return data[:header] + physical + data[header:]
 
@@ -166,12 +170,12 @@ def _save_pdf(board: Board, path: Path) -> None:
         from reportlab.pdfgen.canvas import Canvas
     except ImportError as error:
         raise ImportError("a PDF needs reportlab: pip install reportlab (or save a .png)") from error
-    point = 72 / METRES_PER_INCH  # per metre
+    point = 72 / METRES_PER_INCH  # points in a metre
     size = board.width * point, board.height * point
     canvas = Canvas(os.fspath(path), pagesize=size, invariant=True)
     canvas.setTitle("fastibl board")
 
-    def on_paper(points):  # PDF counts from the lower left corner, y up
+    def on_paper(points):  # PDF counts from the lower left corner, with y up
         page = _in_page(board, np.asarray(points))
         return page[..., 0] * point, size[1] - page[..., 1] * point
 
@@ -209,8 +213,8 @@ def _save_pdf(board: Board, path: Path) -> None:
 
 
 def _runs(modules: NDArray[np.bool_]):
-    """Black runs of each row as (row, first column, length). Rows overlap nowhere; viewers that smooth
-    edges show hairlines between touching shapes, but not between runs of one path."""
+    """Black runs of each row as (row, first column, length). Rows do not overlap. Viewers that smooth edges show
+    hairlines between shapes that touch, but not between runs of one path."""
     for row, line in enumerate(modules):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(int), [0]])))
         for first, last in edges.reshape(-1, 2):

@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 CAMERAS = ("back", "front")
 
 _MOST_BYTES = 2**22
-_DEEPEST = 32  # levels of a calibration, which has five
+_DEEPEST = 32  # levels of nesting; a calibration has five
 _BINARY = re.compile(r"!!binary|\$base64\$|[\"']binary")
 
 
 def _nests(text: str) -> bool:
-    """Whether YAML, JSON or XML goes deeper than that, by its indents, within a line, or by its brackets and tags."""
+    """Whether YAML, JSON or XML nests deeper than _DEEPEST, judged by its indents, within a line, or by its brackets
+    and tags."""
     if re.search(rf"^[ \t]{{{8 * _DEEPEST}}}", text, re.MULTILINE):
         return True
     if any(len(re.findall(r":|-[ \t]", part)) > _DEEPEST for part in re.split(r"[,\n{}\[\]]", text)):
@@ -44,8 +45,9 @@ def _nests(text: str) -> bool:
 
 
 def _check_plain(text: str, path: Path) -> None:
-    """OpenCV's parser calls itself for every level, until no memory is left for that, and may read some binary data for
-    ever: neither comes from its own writer of calibrations. ValueError."""
+    """Raises ValueError for text that OpenCV's parser cannot stand: it calls itself for every level of nesting until
+    memory runs out, and it may never finish reading some binary data. OpenCV's own writer of calibrations writes
+    neither."""
     if _nests(text):
         raise ValueError(f"{path} nests more than {_DEEPEST} levels deep; a calibration has five")
     if _BINARY.search(text):
@@ -68,7 +70,8 @@ def _open_yaml(path: Path) -> cv2.FileStorage:
 
 @contextmanager
 def _writing(path: Path) -> Iterator[cv2.FileStorage]:
-    """A file of OpenCV's, written when it is complete: its own writer does not notice a full disk."""
+    """An OpenCV file storage in memory. The file is written when the content is complete, because OpenCV's own writer
+    does not notice a full disk."""
     import cv2
 
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
@@ -84,11 +87,12 @@ def _number(node: cv2.FileNode, name: str, path: Path) -> float:
     return item.real()
 
 
-_MOST_VALUES = 1 << 14  # of a matrix in a calibration: a board of 1000 tags has 12000
+_MOST_VALUES = 1 << 14  # values of a matrix in a calibration: a board of 1000 tags has 12000
 
 
 def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
-    """float64 of an !!opencv-matrix, value by value: FileNode.mat() of a broken file may corrupt memory."""
+    """The values of an !!opencv-matrix as float64, read one by one: FileNode.mat() of a broken file may corrupt
+    memory."""
     item = node.getNode(name)
     if item.empty():
         return None
@@ -98,7 +102,7 @@ def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
     data = item.getNode("data")
     if not data.isSeq() or not 0 < rows * columns <= _MOST_VALUES or data.size() != rows * columns:
         raise ValueError(f"{path}: {name} must be a matrix of {rows} x {columns} values")
-    values = [data.at(i) for i in range(rows * columns)]  # each is looked for from the first on
+    values = [data.at(i) for i in range(rows * columns)]  # OpenCV walks to each value from the first one
     if not all(v.isInt() or v.isReal() for v in values):
         raise ValueError(f"{path}: {name} must hold numbers")
     return np.array([v.real() for v in values]).reshape(rows, columns)
@@ -113,7 +117,7 @@ def _whole(node: cv2.FileNode, name: str, path: Path) -> int:
 
 @contextmanager
 def _reading(path: Path) -> Iterator[cv2.FileStorage]:
-    """A file of OpenCV's, whose own errors become ValueErrors that name it."""
+    """Opens an OpenCV file; OpenCV's own errors become ValueErrors that name the file."""
     import cv2
 
     storage = _open_yaml(path)

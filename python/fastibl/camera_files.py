@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .file_limits import check_pixels, file_bytes
 from .picture_headers import camera_picture_size
 
-_PERIOD = 1 / 30  # seconds, where a film tells no rate
+_PERIOD = 1 / 30  # seconds between pictures, where a film does not tell its rate
 _MOST_DESCRIBED = 64 * 2**20  # bytes
 _FILMS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts")
 HDR_ADVICE = "it is read in 8 bits, white from two stops below its brightest on; film without HDR, or convert it first"
@@ -101,7 +101,7 @@ def hdr_curve(path: str | os.PathLike[str]) -> str | None:
 
 
 def _film_description(file: BinaryIO) -> bytes:
-    """The "moov" box of such a file, which may follow all of its pictures; nothing of other files."""
+    """The "moov" box of an MP4 or MOV file, which may follow all of its pictures; empty for other files."""
     end = os.fstat(file.fileno()).st_size
     while len(head := file.read(16)) >= 8:
         size, kind, extended = int.from_bytes(head[:4], "big"), head[4:8], head[8:]
@@ -110,7 +110,7 @@ def _film_description(file: BinaryIO) -> bytes:
         if kind == b"moov":
             file.seek(begin)
             return file.read(min(size or _MOST_DESCRIBED, _MOST_DESCRIBED))
-        if size < 8 or begin + size > end:  # the last one, or none of such a file
+        if size < 8 or begin + size > end:  # the last box, or no box of such a file
             break
         file.seek(begin + size)
     return b""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment, texel_directions, texel_solid_angles
 from .expected import expect
 
-_FINEST, _BLOCKS = 256, 32  # texels and blocks along an edge that the irradiance is summed over
+_FINEST, _BLOCKS = 256, 32  # texels and blocks along a face's edge over which the irradiance is summed
 
 
 @dataclass(frozen=True)

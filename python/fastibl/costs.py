@@ -12,7 +12,7 @@ from .machine import cpu
 from .mesh_shadow import cache_folder
 from .whole_file import write_whole
 
-_APART = 1000.0  # times that a machine may be faster or slower than the built-in table's
+_APART = 1000.0  # how many times a machine may be faster or slower than that of the built-in table
 
 
 def default_costs() -> dict[str, float]:
@@ -51,7 +51,7 @@ def machine_costs(measure: bool = True) -> dict[str, float]:
 
 
 def _read(path: Path) -> dict[str, float] | None:
-    """The table of a file, or None where there is none, or none that a machine can have."""
+    """The table of costs in a file; None where there is no file, or its costs are not those of any possible machine."""
     try:
         given = json.loads(path.read_text(encoding="utf-8"))["nanoseconds"]
         costs = {str(name): float("nan" if isinstance(v, bool) else v) for name, v in given.items()}

@@ -28,7 +28,7 @@ _DXGI = {
     95: "bc6h",
     96: "bc6h",
 }  # DXGI_FORMAT
-_D3D9 = {113: "rgba16f", 116: "rgba32f"}  # D3DFORMAT in place of a FourCC
+_D3D9 = {113: "rgba16f", 116: "rgba32f"}  # D3DFORMAT, which stands in place of a FourCC
 _CUBE, _ALL_FACES, _DX10_CUBE = 0x200, 0xFC00, 0x4
 
 
@@ -51,14 +51,15 @@ def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
         return [_read_bc6h(path, size)]
     out = []
     for n, length in zip(sizes, lengths, strict=True):
-        starts = range(at, at + 6 * sum(lengths), sum(lengths))  # face by face, each with its levels
+        starts = range(at, at + 6 * sum(lengths), sum(lengths))  # face by face, each face with its levels
         out.append(np.stack([texels.decode(data[begin : begin + length], name, (n, n)) for begin in starts]))
         at += length
     return out
 
 
 def _described(data: bytes, path: Path) -> tuple[str, int, int, int]:
-    """Kind of texels, face edge, number of levels, and where the texels begin, of a cube map's header."""
+    """The kind of texels, face edge, number of levels, and the place where the texels begin, from a cube map's
+    header."""
     if len(data) < _HEADER.size or data[:4] != b"DDS ":
         raise ValueError(f"{path} is no DDS file")
     fields = _HEADER.unpack_from(data)
@@ -79,14 +80,14 @@ def _described(data: bytes, path: Path) -> tuple[str, int, int, int]:
         raise ValueError(f"{path} is no cube map of six square faces ({width} x {height})")
     if name is None:
         raise ValueError(f"{path} holds texels of {said}; float formats are read: {', '.join(texels.BYTES)}, bc6h")
-    check_pixels(path, width, height, 8)  # six faces and their levels
+    check_pixels(path, width, height, 8)  # six faces with their levels
     if count > width.bit_length():
         raise ValueError(f"{path} says that it has {count} levels from faces of {width} texels")
     return name, width, count, at
 
 
 def _bytes(n: int, name: str) -> int:
-    """Of one face n texels wide."""
+    """The bytes of one face that is n texels wide."""
     if name == "bc6h":
         return 16 * (-(-n // 4)) ** 2  # blocks of 4 x 4
     return n * n * texels.BYTES[name]
@@ -100,7 +101,7 @@ def _read_bc6h(path: Path, n: int) -> NDArray[np.float32]:
     file = OpenImageIO.ImageInput.open(str(path))
     if file is None:
         raise ValueError(f"{path} is damaged: {OpenImageIO.geterror()}")
-    strip = file.read_image(0, 0, 0, 3, "float")  # faces one below the other
+    strip = file.read_image(0, 0, 0, 3, "float")  # the faces, one below the other
     if strip is None or strip.shape != (6 * n, n, 3):
         raise ValueError(f"{path} is damaged: {file.geterror()}")
     return np.ascontiguousarray(strip, np.float32).reshape(6, n, n, 3)

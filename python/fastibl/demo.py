@@ -24,12 +24,12 @@ from .session import Session
 from .truth import TruePicture, TrueRenderer, picture_error, texels_that_count
 from .video import VideoWriter
 
-HEIGHT = 0.2  # of the object, metres
-POSITION = (0.0, 0.0, HEIGHT / 2)  # where its light is measured
-DISTANCE = 3.0  # rough distance of the room's walls, metres: what a user would tell
-METHODS = {"default": "auto", "paper": "paper"}  # of the two runs
-PANEL = (480, 360)  # of the four-panel video, pixels
-_SHOWN_EVERY = 15  # frames after which picture.jpg is written anew: there is something to see before all is done
+HEIGHT = 0.2  # height of the object, metres
+POSITION = (0.0, 0.0, HEIGHT / 2)  # where the object's light is measured
+DISTANCE = 3.0  # rough distance of the room's walls, metres, as a user would give it
+METHODS = {"default": "auto", "paper": "paper"}  # methods of the two runs
+PANEL = (480, 360)  # size of each panel of the four-panel video, pixels
+_SHOWN_EVERY = 15  # frames after which picture.jpg is written again, so that there is something to see before the end
 
 
 @dataclass
@@ -55,12 +55,12 @@ class Run:
     predicted_error: list[float] = field(default_factory=list)
     coverage: list[float] = field(default_factory=list)
     timings: list[dict[str, float]] = field(default_factory=list)
-    # By name of a still: error of the final picture and of the shadow.
+    # The error of the final picture and of the shadow, by the name of the still.
     image_error: dict[str, float] = field(default_factory=dict)
     shadow_error: dict[str, float] = field(default_factory=dict)
-    map_error: float = float("nan")  # median over the texels that count, at the end
-    map_share: float = float("nan")  # of the seen texels that count
-    method_error: dict[str, float] = field(default_factory=dict)  # of a step alone, given the true map
+    map_error: float = float("nan")  # median over the texels that count, at the end of the recording
+    map_share: float = float("nan")  # share of the texels that count among those that were seen
+    method_error: dict[str, float] = field(default_factory=dict)  # error of a step alone, given the true map
 
     def milliseconds(self, name: str) -> float:
         values = [t[name] for t in self.timings if name in t]
@@ -96,12 +96,12 @@ def picture_of_map(source: CubeMap | Environment, scale: float, height: int = 24
 
 def write_label(picture: NDArray[np.uint8], text: str) -> None:
     """Writes a name into the picture's upper left corner."""
-    for colour, shift in (((0, 0, 0), 1), ((255, 255, 255), 0)):  # the same weight twice: widths follow it
+    for colour, shift in (((0, 0, 0), 1), ((255, 255, 255), 0)):  # both have the same weight: text widths follow it
         cv2.putText(picture, text, (10 + shift, 24 + shift), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)
 
 
 def _labelled(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
-    """The picture fitted into a panel, with its name in the corner."""
+    """The picture, fitted into a panel, with its name in the corner."""
     w, h = PANEL
     scale = min(w / picture.shape[1], h / picture.shape[0])
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
@@ -185,7 +185,7 @@ def run_demo(recording: Recording, out: Path) -> DemoResult:
         stills.append(Still("before the lamp", nearest(truth.lamp_time - 0.1)))
     stills.append(Still("at the end", len(frames) - 1))
 
-    scale = 0.28 / float(np.mean(truth.environment(0).mean()))  # of the pictures of maps
+    scale = 0.28 / float(np.mean(truth.environment(0).mean()))  # scale for the pictures of maps
     true_irradiance: dict[int, NDArray] = {}
     runs, kept = {}, {}
     fps = (len(frames) - 1) / max(times[-1] - times[0], 1e-6)
@@ -221,7 +221,7 @@ def run_demo(recording: Recording, out: Path) -> DemoResult:
 def _compare_with_truth(
     recording: Recording, scene: Scene, frames: list[Frame], stills: list[Still], runs: dict[str, Run], kept: dict
 ) -> None:
-    """Adds the true pictures to the stills, and to the runs how far theirs are from them."""
+    """Adds the true pictures to the stills, and to the runs how far their pictures are from the true ones."""
     truth = truth_of(recording)
     renderer = TrueRenderer(scene)
     response = recording.rig.back.response
@@ -245,7 +245,7 @@ def _compare_with_truth(
         if unclipped.any():
             run.map_error = float(np.median(errors[unclipped]))
             run.map_share = float(counts.sum() / np.isfinite(last_seen).sum())
-        # The steps alone: the same methods given the true map.
+        # The steps alone: the same methods, given the true map.
         lighting = Lighting(true_map, diffuse=METHODS[name])
         run.method_error["irradiance"] = float(np.median(relative_errors(lighting.irradiance(normals), exact)))
         alone = Session(scene, recording.rig, None, true_map, methods=METHODS[name])

@@ -19,8 +19,8 @@ from .guidance import Guidance
 from .lighting import Lighting
 from .panorama import panorama_rays, seen_map
 
-_GREY = 0.25  # of white: what the median of a map is shown as, so that lamps clip and dark corners can be seen
-_UNSEEN = 0.35  # of its brightness: what no camera saw
+_GREY = 0.25  # of white: how bright a map's median is shown, so that lamps clip and dark corners can be seen
+_UNSEEN = 0.35  # of its brightness: how bright light that no camera saw is shown
 _MATTE, _GLOSSY = 0.8, 64.0  # albedo and exponent of the spheres that show a Lighting
 
 
@@ -55,7 +55,7 @@ def _(thing: Lighting, height: int = 256) -> NDArray[np.uint8]:
     y, x = (np.mgrid[:height, :height] + 0.5) / height * 2.2 - 1.1
     inside = x**2 + y**2 < 1
     depth = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    normals = np.stack([x, -depth, -y], axis=-1)[inside]  # z up, the eye at -y
+    normals = np.stack([x, -depth, -y], axis=-1)[inside]  # z points up, and the eye is at -y
     views = np.broadcast_to([0.0, -1.0, 0.0], normals.shape)
     lit = (
         _MATTE / np.pi * thing.irradiance(normals),
@@ -84,7 +84,7 @@ def _(thing: FrameResult, height: int = 256) -> NDArray[np.uint8]:
     image = np.asarray(thing.image)
     if image.shape[-1] == 3:
         return image
-    alpha = image[..., 3:] / 255  # straight, over white
+    alpha = image[..., 3:] / 255  # straight alpha, laid over white
     return _bytes(Response.srgb().decode(image[..., :3] / 255) * alpha + (1 - alpha))
 
 
@@ -208,7 +208,7 @@ def _check(height: int) -> None:
 
 
 def _panorama(cube: CubeMap, height: int) -> NDArray[np.float32]:
-    """Linear radiance (h, 2h, 3) through an equirectangular picture's pixels."""
+    """Linear radiance (h, 2h, 3) in the directions of an equirectangular picture's pixels."""
     _check(height)
     return cube.sample(panorama_rays(height), float(np.log2(max(2 * cube.size / height, 1))))
 
@@ -223,7 +223,7 @@ def _encoded(linear: NDArray) -> NDArray[np.uint8]:
 
 
 def _bytes(linear: NDArray) -> NDArray[np.uint8]:
-    """sRGB, cut at white."""
+    """Encodes as sRGB, clipped at white."""
     return np.rint(255 * Response.srgb().encode(np.clip(linear, 0, 1))).astype(np.uint8)
 
 

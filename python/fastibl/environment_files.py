@@ -17,7 +17,7 @@ from .pictures import read_picture, write_picture
 LAYOUTS = ("equirect", "faces", "strip", "cross")
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
 _CUBE_READERS = {".ktx2": ktx2.read_ktx2, ".dds": dds.read_dds}
-_CROSS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (1, 3))  # row and column of each face
+_CROSS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (1, 3))  # row and column of each face in the cross
 
 
 def read_environment(
@@ -44,7 +44,7 @@ def read_environment(
     """
     path = Path(path)
     expect(response, (Response, type(None)), "response", "Response.srgb() is that of most pictures")
-    matrix(axes)  # which knows their names
+    matrix(axes)  # raises ValueError for unknown names
     if path.suffix.lower() in _CUBE_READERS:
         if response is not None:
             raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
@@ -98,7 +98,7 @@ def _check_no_handedness(handedness: str | None, path: Path) -> None:
 
 
 def _check_cross(path: Path, image: NDArray[np.float32], n: int) -> None:
-    """Most photographs are 4 x 3 too: nothing is between the arms of a cross."""
+    """Checks that there is nothing between the arms of a cross: most photographs have 4 x 3 pixels, too."""
     empty = [
         image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r in range(3) for c in range(4) if (r, c) not in _CROSS
     ]

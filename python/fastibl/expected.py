@@ -9,7 +9,7 @@ _T = TypeVar("_T")
 
 _NAMES = {Real: "a number", SupportsIndex: "a whole number", type(None): "None"}
 
-# How to come by one, where something else came.
+# How to get a thing of this type, for the error where something else was given.
 _HINTS = {
     "Camera": "Camera(width, height, fx, fy, cx, cy) is one without distortion",
     "CubeMap": "read_environment reads files, CubeMap(faces) takes (6, n, n, 3) floats",

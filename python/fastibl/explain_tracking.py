@@ -87,7 +87,7 @@ def seen_tags(grey: NDArray[np.uint8], board: Board) -> str:
 
 
 def _of_the_board(mine: _Tags, board: Board) -> str | None:
-    """What is the matter with tags that are seen of the board."""
+    """What is wrong where tags of the board are seen."""
     twice = [id for id, count in Counter(id for id, _ in mine).items() if count > 1]
     if twice:
         return f"{_named(mine)} {_are(mine)} seen, {_runs(twice)} more than once: one print alone may be in view."
@@ -103,7 +103,7 @@ def _of_the_board(mine: _Tags, board: Board) -> str | None:
 
 
 def _no_tags(grey: NDArray[np.uint8], board: Board) -> Iterator[str]:
-    """What may be the matter where no tag of the family is read; the likeliest first."""
+    """What may be wrong where no tag of the family is read; the likeliest cause first."""
     border = board.border_bits
     for bits in {1, 2} - {border}:
         if tags := find_tags(grey, border_bits=bits, subpixel=False):
@@ -143,13 +143,13 @@ def _too_small(tags: _Tags, side: float) -> str:
 
 
 def _enlarged(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    import cv2  # heavy, and not needed to import fastibl
+    import cv2  # slow to import, and not needed to import fastibl
 
     return cv2.resize(grey, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_CUBIC).astype(np.uint8)
 
 
 def _side(tags: _Tags) -> float:
-    """Pixels along a tag's side: median of the tags' means."""
+    """The length of a tag's side in pixels: the median over the tags' means."""
     return float(np.median([np.linalg.norm(quad - np.roll(quad, 1, axis=0), axis=1).mean() for _, quad in tags]))
 
 
@@ -163,7 +163,7 @@ def _named(tags: _Tags) -> str:
 
 
 def _runs(ids: Iterable[int]) -> str:
-    """0 to 3, 7."""
+    """Such as "0 to 3, 7"."""
     runs: list[list[int]] = []
     for id in sorted(set(ids)):
         if runs and id == runs[-1][1] + 1:

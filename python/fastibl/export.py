@@ -32,7 +32,7 @@ SH_BASIS = (
     "0.315392 (3 z^2 - 1), 1.092548 xz, 0.546274 (x^2 - y^2); irradiance is the sum times pi, 2 pi/3, pi/4 by order"
 )
 _MANIFEST = "light.json"
-# Of files that are not in the axes that were asked for.
+# Axes of the files that are not in the axes that were asked for.
 _AXES_OF = {"light.glb": "gltf", "light_dome.hdr": "dome of light.usda", "light_dome.exr": "dome of light.usda"}
 
 
@@ -140,17 +140,18 @@ def export_light(
 
 @contextmanager
 def _written_whole(folder: Path) -> Iterator[Path]:
-    """A folder whose files go into `folder` together, if all could be written; the manifest last."""
+    """A temporary folder whose files move to `folder` together once all of them are written; the manifest moves
+    last."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".unfinished-") as unfinished:
         yield Path(unfinished)
-        (folder / _MANIFEST).unlink(missing_ok=True)  # it would speak of files that are there no more
+        (folder / _MANIFEST).unlink(missing_ok=True)  # it would list files that no longer exist
         for path in sorted(Path(unfinished).iterdir(), key=lambda path: path.name == _MANIFEST):
             os.replace(path, folder / path.name)
 
 
 def _write_pictures(folder: Path, diffuse: CubeMap, made: list[CubeMap], format: str, layout: str) -> list[list[str]]:
-    """Names of the irradiance's files, and of each level's."""
+    """Writes the maps; returns the names of the irradiance's files and of each level's."""
     names = ["irradiance", *(f"prefiltered_{k}" for k in range(len(made)))]
     return [
         [path.name for path in write_faces(folder / f"{name}.{format}", cube, layout)]
@@ -168,7 +169,7 @@ def _write_others(
     folder: Path, radiance: CubeMap, axes: str, size: int, error: float, format: str, sh: Sequence[str], gltf: bool,
     usd: bool,
 ) -> list[str]:  # fmt: skip
-    """Writes what was asked for beside the maps; returns the names."""
+    """Writes what was asked for besides the maps; returns the names."""
     also = []
     for convention in sh:
         for name in _SH_FILES[convention]:
@@ -189,7 +190,7 @@ def _clean(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _placed(cube: CubeMap | Environment, radiance: CubeMap, axes: str) -> CubeMap | Environment:
-    """The map in the named axes; with where it was seen from and where its near lights are, if that is known."""
+    """The map in the named axes, with the place where it was seen from and its near lights, if these are known."""
     turned = to_axes(radiance, axes)
     if not isinstance(cube, Environment):
         return turned

@@ -36,7 +36,7 @@ class Bracket:
         self._turn = 0
 
     def __call__(self, last: float) -> float:
-        """The exposure after `last`, both multipliers."""
+        """The exposure that follows `last`; both are multipliers."""
         if self._first is None:
             self._first = last / self.steps[0]
         self._turn = (self._turn + 1) % len(self.steps)
@@ -62,7 +62,7 @@ class AdaptiveExposure:
             raise ValueError(f"exposures must range from a positive one to a longer one, got {shortest} to {longest}")
         self.camera, self.shortest, self.longest = camera, float(shortest), float(longest)
         self.flicker, self.seconds_at_one = float(flicker), float(seconds_at_one)
-        whole_periods(1.0, self.flicker, self.seconds_at_one)  # refuses what is none
+        whole_periods(1.0, self.flicker, self.seconds_at_one)  # raises for values that are not valid
         self._next: float | None = None
 
     def update(self, capture: Capture, camera_from_marker: Pose | None) -> None:
@@ -73,5 +73,5 @@ class AdaptiveExposure:
             self._next = steady if steady >= self.shortest else chosen
 
     def __call__(self, last: float) -> float:
-        """The exposure after `last`, both multipliers."""
+        """The exposure that follows `last`; both are multipliers."""
         return float(np.clip(last, self.shortest, self.longest)) if self._next is None else self._next

@@ -13,7 +13,7 @@ from .calibration_files import CAMERAS
 from .recording import Frame
 from .sources import close
 
-# By name: pictures in a row that one event lasts, at least and at most.
+# By name: how many pictures in a row one event lasts, at least and at most.
 KINDS: dict[str, tuple[int, int]] = {
     "dropped": (1, 3),
     "black": (1, 3),
@@ -21,22 +21,22 @@ KINDS: dict[str, tuple[int, int]] = {
     "torn": (1, 1),
     "resized": (1, 3),
     "mirrored": (1, 3),
-    "exposure": (1, 3),  # the tag is wrong, not the picture
+    "exposure": (1, 3),  # the tag is wrong, the picture is right
     "white balance": (5, 30),
     "zoom": (5, 20),
     "unplugged": (15, 60),
-    "time": (1, 1),  # as that of the frame before
+    "time": (1, 1),  # the time of the frame before
 }
 _TAGS = (1 / 64, 1 / 16, 1 / 4, 4.0, 16.0, 64.0)
 
 
 @dataclass
 class _Event:
-    """What happens to one camera, and for how many more pictures."""
+    """What happens to one camera, and for how many more pictures it lasts."""
 
     kind: str
     left: int
-    amount: NDArray[np.float64]  # three draws from 0 to 1
+    amount: NDArray[np.float64]  # three random numbers from 0 to 1
 
 
 class Faulty:
@@ -67,7 +67,7 @@ class Faulty:
     def __iter__(self) -> Iterator[Frame]:
         rng = np.random.default_rng(self._seed)
         events: dict[str, _Event | None] = dict.fromkeys(CAMERAS)
-        shown: dict[str, NDArray | None] = dict.fromkeys(CAMERAS)  # last, by camera
+        shown: dict[str, NDArray | None] = dict.fromkeys(CAMERAS)  # the picture shown last, by camera
         last = None
         for given in self.source:
             frame, self.happened = replace(given), {}
@@ -76,7 +76,7 @@ class Faulty:
                     continue
                 event = events[name] or self._begun(rng)
                 if event is not None and event.kind in ("frozen", "torn") and shown[name] is None:
-                    event = None  # there is nothing yet to repeat
+                    event = None  # there is no picture yet that could be repeated
                 if event is not None:
                     self.happened[name] = event.kind
                     self.counts[event.kind] += 1
@@ -119,10 +119,10 @@ def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> No
         picture = np.ascontiguousarray(picture[:, ::-1])
     elif event.kind == "exposure":
         tag = f"{name}_exposure"
-        told = getattr(frame, tag)  # None: of a camera that does not tell, which cannot lie
+        told = getattr(frame, tag)  # None where the camera does not tell its exposure, so that it cannot be wrong
         setattr(frame, tag, None if told is None else told * _TAGS[int(a * len(_TAGS))])
     elif event.kind == "white balance":
-        gains = np.exp(1.4 * (event.amount - 0.5))  # half to twice
+        gains = np.exp(1.4 * (event.amount - 0.5))  # from half to twice
         codes = np.arange(256)[:, None] * gains ** (1 / 2.2)
         table = np.clip(np.round(codes), 0, 255).astype(np.uint8)
         picture = np.stack([table[picture[..., c], c] for c in range(3)], axis=-1)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-MOST_BYTES = 2**31  # of a file
-MOST_PIXELS = 2**27  # of a picture: 16384 x 8192, 1.5 GiB as float RGB; of all faces and levels of a cube
+MOST_BYTES = 2**31  # largest size of a file
+MOST_PIXELS = 2**27  # pixels of a picture: 16384 x 8192, 1.5 GiB as float RGB; or of all faces and levels of a cube
 MOST_TRIANGLES = 2**26  # of a mesh
 MOST_VERTICES = 2**27
-MOST_CORNERS = 1024  # of a polygon, as the reader of .obj has it: cutting one takes the square of it
+MOST_CORNERS = 1024  # of a polygon, as in the reader of .obj: cutting one takes the square of this number
 
 
 def file_bytes(path: Path) -> bytes:
@@ -43,7 +43,7 @@ def text_of(path: Path, most: int) -> str:
     if size > most:
         raise ValueError(f"{path} has {size} bytes; such files of up to {most} bytes are read")
     try:
-        return path.read_text(encoding="utf-8-sig")  # spreadsheets mark it
+        return path.read_text(encoding="utf-8-sig")  # spreadsheets begin a file with a byte order mark
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is no UTF-8 text: {error}") from None
 

@@ -17,8 +17,8 @@ from ._fastibl import Material, Mesh, Response, _polygon_triangles, _read_obj
 from .expected import expect
 from .file_limits import MOST_CORNERS, check_file_size, file_bytes
 
-_MOST_HEADER = 2**20  # bytes, of a .ply
-_COLOURED = (".obj", ".ply")  # files whose vertices have colours
+_MOST_HEADER = 2**20  # bytes of the header of a .ply
+_COLOURED = (".obj", ".ply")  # endings of files whose vertices may have colours
 _COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"))  # in a .ply
 
 
@@ -34,7 +34,7 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
     a mesh, is damaged, or is larger than fastibl.file_limits allows, and for the uvs or colours of other files.
     """
     path = _existing(path, up, "mesh")
-    if path.suffix.lower() not in _READERS:  # others of trimesh's are archives, or fetch what they name
+    if path.suffix.lower() not in _READERS:  # trimesh's other formats are archives, or fetch files that they name
         raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_READERS)}")
     if uvs and path.suffix.lower() != ".obj":
         raise ValueError(f"uvs are read of .obj files, got {path}; read_object keeps those of .glb and .gltf")
@@ -45,7 +45,7 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
     check_file_size(path)
     try:
         mesh = _READERS[path.suffix.lower()](path, uvs, colors)
-    except Exception as error:  # trimesh and plyfile raise what they like
+    except Exception as error:  # trimesh and plyfile may raise anything
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
     if mesh is None or len(mesh.triangles) == 0:
         raise ValueError(f"{path} holds no triangles")
@@ -102,7 +102,7 @@ def _turned(mesh: Mesh, up: str) -> Mesh:
 
 
 def _warn_if_far(path: Path, mesh: Mesh) -> None:
-    """Coordinates are kept in 24 bits: of a scan in a map's coordinates, too few are left."""
+    """Coordinates are kept with 24 bits: a scan in the coordinates of a map keeps too few of them for its detail."""
     size, away = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
     if size < 1e-4 * away:
         warnings.warn(
@@ -115,8 +115,8 @@ def _warn_if_far(path: Path, mesh: Mesh) -> None:
 def _merged(
     vertices: NDArray, triangles: NDArray, normals: NDArray | None = None, colors: NDArray | None = None
 ) -> Mesh:
-    """Vertices at one place, with one normal and colour, become one; those of no triangle go."""
-    both = np.asarray(vertices, np.float32) + 0.0  # -0 is 0
+    """Vertices at one place with the same normal and colour become one vertex; vertices of no triangle are dropped."""
+    both = np.asarray(vertices, np.float32) + 0.0  # turns -0 into 0
     if both.shape[1:] != (3,):
         raise ValueError(f"expected vertices of 3 coordinates, got {both.shape[1:]}")
     for more in (normals, colors):
@@ -124,7 +124,7 @@ def _merged(
             both = np.hstack([both, np.asarray(more, np.float32) + 0.0])
     used, named = np.unique(triangles, return_inverse=True)
     _, first, same = np.unique(both[used], axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)  # as in the file
+    order = np.argsort(first)  # keeps the order of the file
     number = np.empty(len(order), np.int64)
     number[order] = np.arange(len(order))
     kept = both[used[first[order]]]
@@ -173,7 +173,7 @@ def _read_ply(path: Path, _: bool, colors: bool) -> Mesh | None:
 
 
 def _colours_of(vertex: NDArray) -> NDArray | None:
-    """(v, 3) linear, of a .ply's vertices; whole numbers count to 255 (or 65535), others to 1."""
+    """Linear colours (v, 3) of a .ply's vertices; whole numbers range to 255 (or 65535), others to 1."""
     names = next((n for n in _COLOUR_NAMES if set(n) <= set(vertex.dtype.names or ())), None)
     if names is None:
         return None
@@ -183,12 +183,12 @@ def _colours_of(vertex: NDArray) -> NDArray | None:
 
 
 def _check_elements(path: Path) -> None:
-    """Raises ValueError for a .ply file that is too short for what its header counts: plyfile reads what takes no
-    bytes as often as it is told to."""
+    """Raises ValueError for a .ply file that is shorter than its header claims: plyfile reads elements that take no
+    bytes as often as the header says."""
     with open(path, "rb") as file:
         header = file.read(_MOST_HEADER)
     newline = b"\r\n" if header[3:5] == b"\r\n" else header[3:4] or b"\n"
-    counts: list[list[int]] = []  # of rows and properties
+    counts: list[list[int]] = []  # numbers of rows and properties of each element
     for line in header.split(newline):
         words = line.decode("ascii").split()
         if words[:1] == ["element"] and len(words) == 3:
@@ -216,7 +216,7 @@ def _read_by_trimesh(path: Path, *_: bool) -> Mesh | None:
 _OBJECTS: dict[str, Callable[[Path], tuple[Mesh, Material | None]]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj_object.read,
 }  # fmt: skip
-# Of a file: whether its uvs are wanted, and its colours.
+# The reader of each kind of file; its arguments are the path, whether uvs are wanted, and whether colours are.
 _READERS: dict[str, Callable[[Path, bool, bool], Mesh | None]] = {
     ".obj": _read_obj_file, ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
     ".stl": _read_by_trimesh, ".off": _read_by_trimesh,

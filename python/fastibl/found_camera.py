@@ -13,7 +13,7 @@ import numpy as np
 
 from .live_camera import open_camera
 
-_TRIES = 30  # pictures that may fail before a camera counts as one that gives none
+_TRIES = 30  # pictures that may fail before a camera counts as one that gives no pictures
 
 
 class ScaledCapture:
@@ -79,7 +79,7 @@ def _missing(device: int | str) -> str:
 
 @contextmanager
 def _quiet():
-    """Without OpenCV's own lines about a camera that is not there: the error says it."""
+    """Silences OpenCV's own messages about a camera that is not there: the error says it."""
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ._fastibl import Board, Camera, Pose
 from .tracking import Tracker
 
-_FLIP = Pose(np.diag([1.0, -1, -1, 1]))  # between OpenGL's axes of a camera and OpenCV's
-_UNSEEN = 10  # poses that show nothing until other axes are thought of
-_LOOKS = 3  # pictures in which the board is looked for: each takes some hundredths of a second
-_BESIDE = 0.05  # of the picture's width, by which a board may lie beside where a pose has it
+_FLIP = Pose(np.diag([1.0, -1, -1, 1]))  # from OpenGL's axes of a camera to OpenCV's, or back
+_UNSEEN = 10  # poses that show neither marker nor object, before other axes are suspected
+_LOOKS = 3  # pictures in which the board is looked for: each search takes some hundredths of a second
+_BESIDE = 0.05  # share of the picture's width by which a board may lie beside the place that the pose gives
 
 
 class GivenPoses:
@@ -45,12 +45,12 @@ class GivenPoses:
         return bool(((pixels >= 0) & (pixels < (self._camera.width, self._camera.height))).all(axis=1).any())
 
     def _ask_axes(self, pose: Pose, places: NDArray[np.float64]) -> bool:
-        """Whether it need not be asked again: the pose shows the marker or the object, or it was warned of."""
+        """True if there is nothing left to ask: the pose shows the marker or the object, or a warning was given."""
         if self._shows(pose, places):
             return True
         if self._shows(pose.inverse(), places):
             return _warn_of_pose("its inverse would: Pose.inverse() makes it of the camera's place")
-        # A camera that looks away shows them with other axes, too; not while it moves.
+        # With other axes, a camera that merely looks away also shows them, but not all the time while it moves.
         turned = {"pose": _FLIP @ pose, "pose.inverse()": _FLIP @ pose.inverse()}
         self._turned_shows = [name for name in self._turned_shows if self._shows(turned[name], places)]
         self._unseen += 1

@@ -32,7 +32,7 @@ _KNOWN = {
 }  # fmt: skip
 _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_OF_MESHES = {"morphs", "instances of a skin"}  # what is left out of them
+_OF_MESHES = {"morphs", "instances of a skin"}  # parts of meshes that are left out
 _MOST_INSTANCES = 2**20
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
@@ -55,7 +55,7 @@ class _File(Container):
         return self.buffers[view["buffer"]], view.get("byteOffset", 0), view["byteLength"], view.get("byteStride")
 
     def array(self, index: int) -> NDArray:
-        """Values (n, width) of an accessor; normalised integers as floats."""
+        """The values (n, width) of an accessor; normalised integers become floats."""
         a = self.json["accessors"][index]
         kind: np.dtype[Any] = np.dtype(_TYPES[a["componentType"]]).newbyteorder("<")
         width = WIDTHS[a["type"]]
@@ -67,7 +67,7 @@ class _File(Container):
             if "sparse" not in a:
                 raise ValueError("one of its accessors has no values")
             held = max(map(len, self.buffers), default=0)
-            if a["count"] > held:  # zeros take none of it, but what they belong to does
+            if a["count"] > held:  # zeros take no bytes, but what they belong to does
                 raise ValueError(f"one of its accessors has {a['count']} zeros; its buffers hold {held} bytes")
             out = np.zeros((a["count"], width), kind)
         if "sparse" in a:
@@ -88,7 +88,7 @@ class _File(Container):
         return np.ndarray((count, width), kind, buffer, offset, (step, kind.itemsize))
 
     def texture(self, reference: dict[str, Any], factor: Any = 1.0, **reading: Any) -> Texture:
-        """What a material names, `factor` times its picture. reading: other fields of Texture."""
+        """The texture that a material names: its picture times `factor`. reading: other fields of Texture."""
         texture = self.json["textures"][reference["index"]]
         sampler = self.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
         wrap = _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
@@ -158,7 +158,7 @@ class _File(Container):
         return out
 
     def _joints(self, index: int, places: dict[int, NDArray]) -> NDArray:
-        """Matrices (n, 4, 4) that take a skin's vertices to the scene, in its rest pose."""
+        """Matrices (n, 4, 4) that take a skin's vertices to the scene, in the skin's rest pose."""
         skin = self.json["skins"][index]
         joints = np.array([places[joint] for joint in skin["joints"]])
         if "inverseBindMatrices" not in skin:
@@ -167,7 +167,7 @@ class _File(Container):
         return joints @ inverse.reshape(-1, 4, 4).transpose(0, 2, 1)
 
     def _instances(self, node: dict[str, Any]) -> NDArray:
-        """Matrices (n, 4, 4) that take a node's mesh to the node: one, but for EXT_mesh_gpu_instancing."""
+        """Matrices (n, 4, 4) that take a node's mesh to the node; just one, except with EXT_mesh_gpu_instancing."""
         extension = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {})
         names = {"TRANSLATION", "ROTATION", "SCALE"}.intersection(extension.get("attributes", ()))
         if not names:
@@ -185,7 +185,8 @@ class _File(Container):
         return transform(**{name.lower(): self.array(a) for name, a in accessors.items()})
 
     def _attribute(self, index: int, width: int, count: int | None = None) -> NDArray[np.float64]:
-        """Values (count, width) of a primitive's vertices. Raises ValueError for others; count: None for any."""
+        """Values (count, width) of a primitive's vertices. Raises ValueError for another shape; count=None allows any
+        count."""
         values = self.array(index).astype(np.float64)
         expected = len(values) if count is None else count, width
         if values.shape != expected:
@@ -194,7 +195,7 @@ class _File(Container):
 
     def _part(self, primitive: dict[str, Any], instances: NDArray, joints: NDArray | None) -> list[Part]:
         if primitive.get("mode", 4) not in (4, 5, 6):
-            return []  # points, lines
+            return []  # points or lines
         _refuse_compressed(primitive)
         attributes = primitive["attributes"]
         vertices = self._attribute(attributes["POSITION"], 3)
@@ -245,7 +246,7 @@ class _File(Container):
         return [Part(placed, triangles, normals, sets, material, tangents=tangents, colors=colors)]
 
     def _colors(self, index: int, count: int) -> NDArray[np.float64]:
-        """(count, 3) linear, 0 to 1, of values with or without alpha."""
+        """Linear colours (count, 3) from 0 to 1, of values with or without alpha."""
         values = self.array(index)
         if len(values) != count or values.shape[1] not in (3, 4) or not np.isfinite(values).all():
             raise ValueError(
@@ -254,7 +255,8 @@ class _File(Container):
         return values[:, :3].astype(np.float64).clip(0, 1)
 
     def _blended(self, attributes: dict[str, int], joints: NDArray) -> NDArray:
-        """Matrices (n, 4, 4) of a skin's vertices: means of joints, of which each set names four."""
+        """Matrices (n, 4, 4) for a skin's vertices: weighted means of joints, of which each attribute set names
+        four."""
         matrices: Any = 0.0
         whole: Any = 0.0
         for k in range(len(attributes)):
@@ -268,7 +270,7 @@ class _File(Container):
 
 
 def _lie_of(reference: dict[str, Any]) -> Lie:
-    """How a texture lies by its texCoord and its KHR_texture_transform."""
+    """How a texture lies according to its texCoord and its KHR_texture_transform."""
     own = reference.get("texCoord", 0)
     t = reference.get("extensions", {}).get("KHR_texture_transform")
     if t is None:
@@ -284,7 +286,7 @@ def _refuse_compressed(part: dict[str, Any]) -> None:
 
 
 def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
-    """(n, 3) of a list (4), a strip (5) or a fan (6)."""
+    """Triangles (n, 3) of a list (mode 4), a strip (5) or a fan (6)."""
     if mode == 4:
         return index[: len(index) // 3 * 3].reshape(-1, 3)
     k = np.arange(max(len(index) - 2, 0))
@@ -298,8 +300,8 @@ def _colour(values: ArrayLike) -> tuple[float, ...]:
 
 
 def _turned_tangents(parts: list[Part], surfaces: dict[int, Surface], mesh: Mesh) -> float:
-    """Which part of the tangents that a file gives, where materials need them, are more than 15 degrees or half a turn
-    around the normal from those of its uvs."""
+    """The share of a file's tangents that are more than 15 degrees, or half a turn around the normal, from those that
+    follow from its uvs. Only parts whose materials need tangents count."""
     off = []
     starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
     for part, start in zip(parts, starts, strict=False):

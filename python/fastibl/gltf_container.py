@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .file_limits import FolderFiles, file_bytes
 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-# What reading a file raises where its JSON is not what glTF says.
+# What is raised while reading a file whose JSON is not as glTF defines it.
 DAMAGES = (
     KeyError, IndexError, TypeError, AttributeError, OverflowError, RecursionError, struct.error, UnicodeDecodeError,
     OSError,
@@ -50,7 +50,7 @@ class Container:
             return base64.b64decode(uri.partition(",")[2])
         try:
             return self._files.bytes(unquote(uri))
-        except FileNotFoundError as error:  # of the file itself another is raised
+        except FileNotFoundError as error:  # if the file itself is missing, another error is raised
             raise ValueError(str(error)) from None
 
     def nodes(self) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
@@ -76,7 +76,7 @@ class Container:
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes]:
-    """JSON and binary chunk of a .glb."""
+    """The JSON chunk and the binary chunk of a .glb."""
     length, kind = struct.unpack_from("<II", data, 12)
     if kind != 0x4E4F534A:
         raise ValueError("its first chunk is not JSON")

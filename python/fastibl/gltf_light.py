@@ -25,11 +25,11 @@ from .sh_files import COSINE, rounded
 from .whole_file import write_whole
 
 NAME = "EXT_lights_image_based"
-_RANGE = 255.0  # of RGBD: one over the smallest alpha
+_RANGE = 255.0  # range of RGBD: one over the smallest alpha
 _GAMMA = 2.2
-_USUAL = (1 / 32, 8)  # mean radiance of maps that are written as they are
+_USUAL = (1 / 32, 8)  # range of mean radiance in which maps are written as they are
 _SMALLEST = 16  # face edge of the roughest level, as the extension proposes
-# The harmonics have the Condon-Shortley phase, which Babylon.js evaluates.
+# The harmonics have the Condon-Shortley phase, as Babylon.js evaluates them.
 _PHASE = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
 
 
@@ -52,17 +52,18 @@ def write_gltf_light(
         raise ValueError(f"size must be a power of two of at least {2 * _SMALLEST}, got {size}")
     turned = to_axes(radiance_of(cube), "gltf")
     levels = Lighting(turned).prefiltered(size, (size // _SMALLEST).bit_length(), mapping="gltf", error=error)
-    # Cube coordinates of the extension's readers are left-handed, for the harmonics as for the faces.
+    # The extension's readers use left-handed cube coordinates, for the harmonics as well as for the faces.
     mirrored = [handed(level, "left").faces for level in levels if level is not None]
     harmonics = Lighting(handed(turned, "left")).sh9.astype(np.float64) * (COSINE * _PHASE)[:, None]
     intensity = _intensity(float(np.mean(turned.mean())), max(float(faces.max()) for faces in mirrored[1:]))
-    # "Flipped", as readers put them upright.
+    # The faces are "flipped" because readers flip them back.
     pictures = [[_png(rgbd(face[::-1] / np.float32(intensity))) for face in faces] for faces in mirrored]
     _write(path, _light(size, harmonics / intensity, len(pictures), intensity), sum(pictures, []))
 
 
 def _intensity(mean: float, brightest: float) -> float:
-    """What images are divided by, a power of two; of the map's mean radiance and the brightest of all rough levels."""
+    """The number by which images are divided, a power of two. It follows from the map's mean radiance and the brightest
+    value of all rough levels."""
     if _USUAL[0] <= mean <= _USUAL[1] and brightest <= _RANGE or mean == 0:
         return 1.0
     return float(2.0 ** np.ceil(np.log2(max(mean, brightest / _RANGE))))

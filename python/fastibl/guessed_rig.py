@@ -6,7 +6,7 @@ import numpy as np
 
 from ._fastibl import Camera, Pose, Rig
 
-DEGREES = 65.0  # across the picture: between most webcams (55 to 78) and telephones (63 to 70)
+DEGREES = 65.0  # angle across the picture: between those of most webcams (55 to 78) and telephones (63 to 70)
 
 
 def guessed_camera(size: tuple[int, int], degrees: float = DEGREES) -> Camera:

@@ -82,7 +82,7 @@ def _picture(
     known = CubeMap(np.repeat(confidence[..., None], 3, axis=-1)).sample(rays)[..., 0] > 0
     y, x = np.mgrid[:height, : 2 * height]
     stripes = ((x + y) // max(2, height // 32)) % 2
-    hidden = ~known & (y < height / 2)  # the table is no sky
+    hidden = ~known & (y < height / 2)  # below the horizon is the table, not the sky
     shown[hidden] = 0.25 * shown[hidden] + (0.25 + 0.2 * stripes[hidden])[:, None]
     image = np.ascontiguousarray((255 * shown).round().astype(np.uint8))
     if camera is not None and camera_from_marker is not None:
@@ -116,7 +116,7 @@ def _line(image: NDArray[np.uint8], directions: NDArray, colour: tuple[int, int,
 
     at = _pixels(directions, image.shape[0])
     for a, b in zip(at[:-1], at[1:], strict=True):
-        if abs(a[0] - b[0]) < image.shape[1] / 2:  # not across the picture's seam
+        if abs(a[0] - b[0]) < image.shape[1] / 2:  # leaves out lines that cross the picture's seam
             ends = [(round(float(p[0])), round(float(p[1]))) for p in (a, b)]
             cv2.line(image, ends[0], ends[1], colour, 2, cv2.LINE_AA)
 

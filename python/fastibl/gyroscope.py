@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .rotations import RotationPath, accumulated
 
-_SEPARATORS = (",", ";", "\t")  # else spaces
+_SEPARATORS = (",", ";", "\t")  # or else spaces
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _MOST_DEVIATION = np.radians(2.0)  # of the axes
-_MOST_A_SECOND, _LEAST_A_SECOND = 5000.0, 5.0  # readings
-# Of columns' names, those that rather are the time, and of several sensors' those that are a gyroscope's.
+_MOST_A_SECOND, _LEAST_A_SECOND = 5000.0, 5.0  # readings a second
+# Names of columns: those that are likely to be the time (likeliest first), and those of a gyroscope among several
+# sensors.
 _TIMES = ("elapsed", "seconds", "timestamp", "time", "t")
 _RATES = re.compile(r"gyr|rot|omega|^w")
 _UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
@@ -80,7 +81,7 @@ def _unit(name: str) -> str:
 
 
 def _columns(header: Sequence[str], first: Sequence[str], path: str | os.PathLike[str]) -> list[int]:
-    """Of the time and of the rates about x, y and z."""
+    """The numbers of the columns of the time and of the rates about x, y and z."""
     names = [_UNIT.sub("", name).strip().lower() for name in header]
     there = [k for k in range(min(len(names), len(first))) if _numbers([first[k]]) is not None]
     time = next((k for word in _TIMES for k in there if (names[k] == word if word == "t" else word in names[k])), None)

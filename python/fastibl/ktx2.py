@@ -48,7 +48,7 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
     at = _HEADER.size + _INDEX.size + _LEVEL.size * len(levels)
     index = _INDEX.pack(at, len(descriptor), at + len(descriptor), len(keys), 0, 0)
     at += len(descriptor) + len(keys)
-    # The smallest level comes first; each begins at a multiple of a texel.
+    # The smallest level comes first; each level begins at a multiple of a texel's size.
     places: list[bytes] = []
     body = b""
     for level in reversed(levels):
@@ -80,8 +80,8 @@ def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
         )  # fmt: skip
     if kind not in _FORMATS:
         raise ValueError(f"{path} holds texels of VkFormat {kind}; float formats are read: {', '.join(texels.BYTES)}")
-    check_pixels(path, width, height, 8)  # six faces and their levels
-    count = max(count, 1)  # 0 asks the reader to make the others
+    check_pixels(path, width, height, 8)  # six faces with their levels
+    count = max(count, 1)  # 0 asks the reader to make the other levels
     if count > width.bit_length() or len(data) < _HEADER.size + _INDEX.size + _LEVEL.size * count:
         raise ValueError(f"{path} says that it has {count} levels from faces of {width} texels")
     out = []
@@ -99,7 +99,7 @@ def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
 
 
 def _unpacked(data: bytes, packing: int, most: int, path: Path) -> bytes:
-    """Bytes of a level, at most one more than there should be: what is packed may claim any size."""
+    """The bytes of a level, at most one more than there should be, because packed data may claim any size."""
     if packing == 0:
         return data
     if packing == 3:
@@ -130,7 +130,7 @@ def _descriptor() -> bytes:
         )  # float, signed, -1 to 1
         for k, channel in enumerate((0, 1, 2, 15))
     )
-    # Basic descriptor, version 2; RGBSDA, BT.709, linear, straight alpha; 1 x 1 texel of 8 bytes.
+    # Basic descriptor block, version 2; RGBSDA, BT.709, linear, straight alpha; 1 x 1 texel of 8 bytes.
     block = struct.pack("<IHH12B4x", 0, 2, 24 + len(samples), 1, 1, 1, 0, 0, 0, 0, 0, 8, 0, 0, 0) + samples
     return struct.pack("<I", 4 + len(block)) + block
 

@@ -77,7 +77,7 @@ def _whole(key: str, value: float) -> int:
 
 
 def _check_known(name: str, settings: Mapping[str, float]) -> None:
-    """Raises ValueError where no step has that method, or the method does not have these settings."""
+    """Raises ValueError where no step has that method, or where the method lacks one of these settings."""
     known: set[str] | None = set() if name in ("auto", "paper") else None
     for step in STEPS:
         if name in _method_names(step):
@@ -254,18 +254,19 @@ def without_lights(cube: CubeMap | Environment) -> tuple[CubeMap, list[Light]]:
 
 
 def _cut(faces: NDArray[np.float32], left: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Faces cut to the light that is left in each texel of a coarser map: the brightest of its pieces first."""
+    """Faces, cut so that the light in each texel of a coarser map is what is left there: the brightest pieces are cut
+    first."""
     n, pieces = left.shape[1], faces.shape[1] // left.shape[1]
     blocks = _blocks(faces.astype(np.float64), pieces)  # (6, n, n, pieces^2, 3)
     angles = _blocks(np.broadcast_to(texel_solid_angles(n * pieces), faces.shape[:3])[..., None], pieces)
     light = (blocks * angles).sum(axis=3)
     kept = left * angles.sum(axis=3)
-    touched = (kept < (1 - 1e-6) * light).any(axis=-1)  # beyond what sums in float32 are off
+    touched = (kept < (1 - 1e-6) * light).any(axis=-1)  # by more than the rounding of sums in float32
     inside, angles = blocks[touched], angles[touched][..., 0]
     value = inside.mean(axis=-1)
     ceiling = _ceiling(value, angles, kept[touched].mean(axis=-1))[:, None]
     inside *= np.minimum(1, ceiling / np.maximum(value, 1e-30))[..., None]
-    # Pieces are of several colours: each channel keeps its own light.
+    # The pieces differ in colour: each channel keeps its own light.
     held = (inside * angles[..., None]).sum(axis=1)
     inside *= (kept[touched] / np.maximum(held, 1e-30))[:, None]
     blocks[touched] = inside
@@ -274,13 +275,13 @@ def _cut(faces: NDArray[np.float32], left: NDArray[np.float32]) -> NDArray[np.fl
 
 
 def _blocks(values: NDArray[Any], pieces: int) -> NDArray[Any]:
-    """(6, n, n, pieces^2, c) of (6, n pieces, n pieces, c)."""
+    """(6, n, n, pieces^2, c) from (6, n pieces, n pieces, c)."""
     n, channels = values.shape[1] // pieces, values.shape[3]
     return values.reshape(6, n, pieces, n, pieces, channels).swapaxes(2, 3).reshape(6, n, n, pieces**2, channels)
 
 
 def _ceiling(values: NDArray[np.float64], weights: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[Any]:
-    """Per row of values (m, k): the c at which the weighted sum of min(value, c) is the row's sum."""
+    """For each row of values (m, k), the c at which the weighted sum of min(value, c) equals the row's sum."""
     order = np.argsort(values, axis=1)
     v, w = np.take_along_axis(values, order, 1), np.take_along_axis(weights, order, 1)
     below = np.cumsum(v * w, axis=1) - v * w

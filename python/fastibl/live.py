@@ -14,7 +14,7 @@ from .calibration_files import CAMERAS
 from .recording import Frame
 from .session import Session
 
-_ROWS = 61  # every which row is compared first
+_ROWS = 61  # step between the rows that are compared first
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Played:
 
 
 class _Watch:
-    """Leaves out pictures that say nothing of the moment."""
+    """Leaves out pictures that say nothing about the present moment."""
 
     def __init__(self, rig: Any):
         self._rig = rig
@@ -57,7 +57,7 @@ class _Watch:
             return f"expected a picture of shape {shape}, got {getattr(picture, 'shape', type(picture).__name__)}"
         if exposure is not None and not (exposure > 0 and np.isfinite(exposure)):
             return f"an exposure must be positive and finite, got {exposure}"
-        # Sensors are noisy: no two pictures are the same to the bit.
+        # Sensors are noisy: no two of their pictures agree in every bit.
         last = self._last[name]
         if last is not None and _same(picture, last):
             return "the same picture again: the camera froze"
@@ -65,7 +65,7 @@ class _Watch:
 
 
 def _same(a: NDArray, b: NDArray) -> bool:
-    """A few rows first: they tell nearly all pictures apart."""
+    """Compares a few rows first: they tell nearly all pictures apart."""
     return a is b or (np.array_equal(a[::_ROWS], b[::_ROWS]) and np.array_equal(a, b))
 
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from .camera_files import FilmTimes, is_film, open_film
 
-SECONDS_AT_ONE = 0.01  # exposure time of a live camera whose exposure is called 1
-_SETTLING = 15  # pictures in which a camera's own automatic finds its exposure, before it is held
-_LATENCY = 3  # pictures that may still be taken with the exposure before the one that was set
-_NETWORK = 5000  # milliseconds in which a camera on the network must answer
-_FAILURES = 3  # pictures in a row that do not come, until the camera counts as unplugged
-_MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # CAP_PROP_AUTO_EXPOSURE
+SECONDS_AT_ONE = 0.01  # seconds of exposure time at an exposure of 1 of a live camera
+_SETTLING = 15  # pictures in which a camera's automatic exposure settles before it is held
+_LATENCY = 3  # pictures that may still be taken with the previous exposure after a new one was set
+_NETWORK = 5000  # milliseconds within which a camera on the network must answer
+_FAILURES = 3  # pictures in a row that fail before the camera counts as unplugged
+_MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # value of CAP_PROP_AUTO_EXPOSURE for manual exposure
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Shot:
 
 
 class _Exposure:
-    """Exposure of an open capture: held constant, set and read back where its driver can."""
+    """The exposure of an open capture: held constant, and set and read back where the driver allows it."""
 
     def __init__(self, capture: Any):
         import cv2
@@ -52,15 +52,16 @@ class _Exposure:
         self.value = self.read()
 
     def seconds(self, units: float) -> float | None:
-        """Exposure time of a driver's value; None where its unit is not known."""
-        if self._backend == "V4L2":  # exposure_time_absolute, 100 microseconds
+        """The exposure time that a driver's value means; None where its unit is not known."""
+        if self._backend == "V4L2":  # unit of exposure_time_absolute: 100 microseconds
             return units * 1e-4 if units > 0 else None
-        if self._backend in ("DSHOW", "MSMF"):  # a power of two seconds
+        if self._backend in ("DSHOW", "MSMF"):  # the value is an exponent: 2 ** units seconds
             return 2.0**units if -20 <= units <= 4 else None
         return None
 
     def read(self) -> float | None:
-        """The multiplier that holds now. One that is held but not told is 1; None: it may drift."""
+        """The multiplier in effect now. 1 where the exposure is held but the driver does not tell it; None where it may
+        drift."""
         if not self.held:
             return None
         seconds = self.seconds(self._capture.get(self._property))
@@ -80,18 +81,18 @@ class _Exposure:
 def _backend(capture: Any) -> str:
     try:
         return str(capture.getBackendName())
-    except Exception:  # not all versions have a name for all back ends
+    except Exception:  # not all versions have a name for every back end
         return ""
 
 
 class _Film:
-    """A video file that plays at its own speed: its pictures are grabbed at the times that it says."""
+    """A video file that plays at its own speed: its pictures are grabbed at the times that the file gives."""
 
     def __init__(self, capture: Any, begin: float):
         self._times, self._begin, self._started = FilmTimes(capture), begin, time.monotonic()
 
     def next(self) -> tuple[float, float]:
-        """Time of the picture that was just grabbed, by the camera's clock, and the seconds until it is due."""
+        """The time of the picture that was just grabbed, by the camera's clock, and the seconds until it is due."""
         at = self._times.next()
         return self._begin + at, max(0.0, self._started + at - time.monotonic())
 
@@ -141,10 +142,10 @@ class LiveCamera:
         self._shot: Shot | None = None
         self._number = 0
         self._wanted: float | None = None
-        self.settings = 0  # calls of set_exposure
+        self.settings = 0  # number of calls of set_exposure
         self._connected = self._settable = False
-        self.dropped = 0  # pictures that nobody asked for before the next came
-        self.lost = 0  # times that it was unplugged
+        self.dropped = 0  # pictures that were replaced by the next one before anybody asked for them
+        self.lost = 0  # how often it was unplugged
         self._start()
 
     def _start(self) -> None:
@@ -196,7 +197,7 @@ class LiveCamera:
         self._stop.set()
         with self._changed:
             self._changed.notify_all()
-        self._thread.join(timeout=5.0)  # a driver that hangs does not hold the program
+        self._thread.join(timeout=5.0)  # a driver that hangs must not hold up the program
 
     def __enter__(self) -> LiveCamera:
         return self
@@ -205,10 +206,10 @@ class LiveCamera:
         self.close()
 
     def _run(self) -> None:
-        told = False  # that it does not open
+        told = False  # whether it was logged that the camera does not open
         while not self._stop.is_set():
             capture = None
-            with contextlib.suppress(Exception):  # drivers raise what they like; it is tried again
+            with contextlib.suppress(Exception):  # drivers may raise anything; opening is tried again
                 capture = self._open(self.device)
             if capture is None or not capture.isOpened():
                 if not told:
@@ -235,7 +236,7 @@ class LiveCamera:
             self._stop.wait(self._retry)
 
     def _read(self, capture: Any) -> None:
-        """Reads until the camera fails or is closed."""
+        """Reads pictures until the camera fails or is closed."""
         for image, _ in self._pictures(capture, 0 if self._file else _SETTLING, settle=True):
             del image
         exposure = _Exposure(capture)
@@ -259,18 +260,18 @@ class LiveCamera:
                 if exposure.value != known:
                     unsure = _LATENCY
                 known = exposure.value
-        # The one that waits was taken before the camera went: it stays good.
+        # The picture that still waits was taken before the camera went away: it stays valid.
 
     def _pictures(
         self, capture: Any, count: int | None = None, settle: bool = False
     ) -> Iterator[tuple[NDArray[np.uint8], float]]:
-        """(RGB picture, when it was grabbed), until `count` came or none comes any more."""
+        """Pairs (RGB picture, time at which it was grabbed), until `count` have come or no more come."""
         import cv2
 
         if settle and self._size is not None:
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
-            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # no old pictures
+            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # avoids old pictures
         failed = 0
         film = _Film(capture, self._clock()) if self._file else None
         while failed < _FAILURES and count != 0 and not self._stop.is_set():

@@ -21,15 +21,15 @@ from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, 
 from .expected import expect
 from .whole_file import whole_file
 
-_FORMAT = 2  # of the files, and of how a table is baked: another number makes older files stale
+_FORMAT = 2  # version of the files and of how a table is baked: another number makes older files stale
 _Options = tuple[int, float, int, int]  # resolution, extent, rings, samples
 _PATIENCE = 0.5  # seconds before a progress bar appears
 _ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
-# What reading a damaged file raises; MemoryError where its header claims an array larger than any.
+# What reading a damaged file raises; MemoryError if its header claims an impossibly large array.
 _BROKEN = (
     OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
-_MOST_BYTES = 256 << 20  # of all files together; the ones that were used longest ago go first
+_MOST_BYTES = 256 << 20  # of all files together; those that were not used for longest are removed first
 
 
 def cache_folder() -> Path | None:
@@ -43,7 +43,7 @@ def cache_folder() -> Path | None:
     if chosen:
         return Path(chosen)
     given = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    if given.is_absolute():  # others are to be ignored: XDG Base Directory Specification
+    if given.is_absolute():  # the XDG Base Directory Specification says to ignore relative paths
         return given / "fastibl"
     try:
         return Path.home() / ".cache" / "fastibl"
@@ -168,7 +168,7 @@ def _baked(mesh: Mesh, options: _Options, progress: bool | Callable[[float], boo
 
 
 class _Bar:
-    """Progress on stderr, for work that lasts."""
+    """Shows progress on stderr for work that takes long."""
 
     def __init__(self) -> None:
         self._begin, self._bar, self._done = time.monotonic(), None, 0.0
@@ -187,7 +187,7 @@ class _Bar:
             self._bar.close()
 
 
-# Files: the arrays of both tables, compressed
+# Files hold the arrays of both tables, compressed.
 
 
 def _path(mesh: Mesh, options: _Options) -> Path | None:
@@ -201,7 +201,7 @@ def _path(mesh: Mesh, options: _Options) -> Path | None:
 
 
 def _read(path: Path, mesh: Mesh, options: _Options) -> Any:
-    """The tables of a file, or None where there is none; a file that cannot be read is warned of."""
+    """The tables in a file, or None where there is no file; warns of a file that cannot be read."""
     if not path.is_file():
         return None
     try:
@@ -226,7 +226,7 @@ def _checksum(tables: list[NDArray]) -> int:
 
 
 def _write(path: Path, baked: Any) -> None:
-    """A disk that is full or closed is no error."""
+    """Writes the tables; where the disk is full or not writable, it only warns."""
     tables = baked.tables
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -238,7 +238,7 @@ def _write(path: Path, baked: Any) -> None:
 
 
 def _forget(folder: Path) -> None:
-    """Removes the files that were used longest ago while all together are too large."""
+    """Removes the files that were not used for longest until all of them together are small enough."""
     files = []
     for path in folder.glob("shadow-*.npz"):
         with suppress(OSError):

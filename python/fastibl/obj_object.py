@@ -21,7 +21,7 @@ from ._fastibl import Material, Mesh, _read_obj, _read_obj_materials
 from .file_limits import FolderFiles, file_bytes
 from .surfaces import Lie, Part, Pictures, Surface, Texture, alike, joined, mesh_of
 
-_ARGUMENTS = {  # of options of pictures; of those with two numbers one to three may follow
+_ARGUMENTS = {  # number of arguments of a picture's options; where it is 3, one to three numbers may follow
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-clamp": 1, "-bm": 1,
     "-imfchan": 1, "-cc": 1, "-type": 1, "-colorspace": 1,
 }  # fmt: skip
@@ -29,7 +29,7 @@ _LEFT_OUT = {
     "map_d": "transparency", "map_bump": "bumps", "bump": "bumps", "map_ks": "highlights of a colour",
     "map_ns": "highlights of several shapes", "disp": "displacement", "refl": "reflection maps",
 }  # fmt: skip
-_GREY = 0.8  # of what has no material
+_GREY = 0.8  # of parts without a material
 _MOST_TEXT = 2**24  # bytes of a .mtl
 
 
@@ -57,7 +57,7 @@ def read(path: Path) -> tuple[Mesh, Material | None]:
 
 
 def _parts(mesh: Mesh, of_triangles: NDArray[np.int32]) -> list[Part]:
-    """Of each material its triangles, with vertices of their own."""
+    """The triangles of each material, with vertices of their own."""
     parts, colors = [], mesh.colors
     for material in np.unique(of_triangles):
         triangles = mesh.triangles[of_triangles == material]
@@ -70,20 +70,21 @@ def _parts(mesh: Mesh, of_triangles: NDArray[np.int32]) -> list[Part]:
 
 
 class _Library:
-    """What the .mtl files that an .obj names say, by material: lines of words by their lower-case first one."""
+    """The content of the .mtl files that an .obj names: for each material, its lines as words, by their first word in
+    lower case."""
 
     def __init__(self, path: Path, size: int):
         self._path, self._files = path, FolderFiles(path, size)
         self.materials: dict[str, dict[str, list[str]]] = {}
         self._pictures, self._decoder = dict[str, NDArray | None](), Pictures()
-        self._left_out = dict[str, None]()  # in their order
+        self._left_out = dict[str, None]()  # a dict keeps their order
 
     def warn(self) -> None:
         if self._left_out:
             warnings.warn(f"{self._path}: left out are {', '.join(self._left_out)}", stacklevel=5)
 
     def read(self, line: str) -> None:
-        """Of an mtllib line: one name, which may have spaces, or several without."""
+        """Reads the files of an mtllib line: one name, which may contain spaces, or several names without spaces."""
         texts = [self._text(line)]
         if texts == [None] and len(line.split()) > 1:
             texts = [self._text(name) for name in line.split()]
@@ -150,7 +151,7 @@ class _Library:
             self._left_out[f"{name} (not there)"] = None
             return None
         (su, sv), (u, v) = _pair(options.get("-s", []), 1.0), _pair(options.get("-o", []), 0.0)
-        # Here v goes upwards, in a Lie downwards.
+        # v goes upwards here, but downwards in a Lie.
         lie = Lie(0, (u, 1 - sv - v), 0.0, (su, sv))
         wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
         source = list(self._pictures).index(name)
@@ -183,7 +184,7 @@ def _share(lines: dict[str, list[str]], kind: str, default: float) -> float:
 
 
 def _colour(lines: dict[str, list[str]], kind: str, default: float) -> tuple[float, ...]:
-    """One number stands for all three; of other descriptions (spectral, xyz) the default."""
+    """A colour; one number stands for all three channels, and other descriptions (spectral, xyz) give the default."""
     numbers = _numbers(lines, kind) or [default]
     values = np.array(numbers[:3] if len(numbers) >= 3 else numbers[:1] * 3, np.float32)
     return tuple(values.clip(0, None if kind == "ke" else 1).tolist())
@@ -195,6 +196,6 @@ def _pair(words: list[str], default: float) -> tuple[float, float]:
 
 
 def _roughness(lines: dict[str, list[str]]) -> float:
-    """Of a GGX lobe that is about as wide as that of the exponent Ns: alpha^2 = 2 / (Ns + 2)."""
+    """Roughness of a GGX lobe that is about as wide as the lobe with the exponent Ns: alpha^2 = 2 / (Ns + 2)."""
     shines = any(_colour(lines, "ks", 0.0)) and _number(lines, "illum", 2) >= 2
     return float((2 / (max(_number(lines, "ns", 0.0), 0.0) + 2)) ** 0.25) if shines else 1.0

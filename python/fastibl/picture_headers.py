@@ -7,7 +7,7 @@ import struct
 
 _RADIANCE = re.compile(rb"([-+])Y +(\d{1,10}) +([-+])X +(\d{1,10})[ \r]*\n")
 _BY_COLUMNS = re.compile(rb"[-+]X +\d{1,10} +[-+]Y +\d{1,10}[ \r]*\n")
-_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF15 but DHT, JPG, DAC
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF15, without DHT, JPG and DAC
 
 
 def png_size(data: bytes) -> tuple[int, int]:
@@ -26,7 +26,7 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
     at = 2
     while at + 9 <= len(data) and data[at] == 0xFF:
         marker = data[at + 1]
-        if marker == 0xFF:  # fill
+        if marker == 0xFF:  # a fill byte
             at += 1
         elif marker in _JPEG_FRAMES:
             height, width = struct.unpack(">HH", data[at + 5 : at + 9])
@@ -39,14 +39,14 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
 
 
 def _bmp_size(data: bytes) -> tuple[int, int]:
-    # The older header has 12 bytes; a height below 0 says that rows run from the top.
+    # The older header has 12 bytes; a negative height means that rows run from the top.
     old = struct.unpack_from("<I", data, 14)[0] == 12
     width, height = struct.unpack_from("<HH" if old else "<ii", data, 18)
     return abs(width), abs(height)
 
 
 def _tiff_size(data: bytes) -> tuple[int, int]:
-    """Of its first picture (TIFF 6.0, and BigTIFF, whose counts and places have 8 bytes)."""
+    """The size of the first picture (TIFF 6.0, and BigTIFF, whose counts and offsets have 8 bytes)."""
     order = "<" if data[:2] == b"II" else ">"
     big = struct.unpack_from(order + "H", data, 2)[0] == 43
     (at,) = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)
@@ -110,7 +110,7 @@ _STARTS = {
 
 
 def _radiance_head(data: bytes) -> re.Match[bytes]:
-    # The size is the line after the header's blank line; a comment may hold one that is none.
+    # The size is in the line after the header's blank line; a comment may contain something like it.
     end = data.find(b"\n\n", 0, 65536)
     if data.startswith(b"#?") and end > 0:
         found = _RADIANCE.match(data, end + 2)

@@ -80,7 +80,7 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
         image = cv2.imdecode(
             np.frombuffer(data, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
         )
-    except cv2.error:  # a size that it does not believe
+    except cv2.error:  # raised for a size that it does not believe
         image = None
     if image is None or image.shape != (height, width, 3):
         raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
@@ -125,11 +125,11 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
     check_file_size(path)
     try:
         with exr.File(str(path), header_only=True) as file:
-            headers = [dict(part.header) for part in file.parts]  # closing empties them
-    except Exception as error:  # OpenEXR raises what its C++ side raises
+            headers = [dict(part.header) for part in file.parts]  # closing the file empties them
+    except Exception as error:  # OpenEXR raises whatever its C++ side raises
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: {error}") from error
     pixels = sum(_exr_pixels(path, header, exr) for header in headers)
-    check_pixels(path, pixels, 1)  # of all parts together
+    check_pixels(path, pixels, 1)  # the pixels of all parts together
     try:
         with exr.File(str(path), separate_channels=True) as file:
             parts = [{name: np.array(c.pixels, np.float32) for name, c in p.channels.items()} for p in file.parts]
@@ -145,7 +145,7 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
 
 
 def _displayed(image: NDArray[np.float32], path: Path, header: dict[str, Any]) -> NDArray[np.float32]:
-    """The picture that a data window is a part of: black around it."""
+    """The whole picture of which the data window is a part; black around it."""
     (left, top), _ = header["dataWindow"]
     (first, upper), (last, lower) = header.get("displayWindow", header["dataWindow"])
     width, height = int(last) - int(first) + 1, int(lower) - int(upper) + 1
@@ -159,12 +159,12 @@ def _displayed(image: NDArray[np.float32], path: Path, header: dict[str, Any]) -
     return whole
 
 
-_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # with its white, D65
+_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # with its white point, D65
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
 def _as_rec709(image: NDArray[np.float32], header: dict[str, Any]) -> NDArray[np.float32]:
-    """By the header's primaries, its white taken to D65 (Lindbloom, Chromatic Adaptation: Bradford)."""
+    """Converts by the header's primaries and takes its white to D65 (Lindbloom, Chromatic Adaptation: Bradford)."""
     given = np.asarray(header.get("chromaticities", _REC709), np.float64).reshape(-1)
     if given.shape != (8,) or np.abs(given - _REC709).max() < 2e-3:
         return image
@@ -174,14 +174,14 @@ def _as_rec709(image: NDArray[np.float32], header: dict[str, Any]) -> NDArray[np
 
 
 def _xyz_of_rgb(chromaticities: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3, 3), and the white's XYZ, of x and y of red, green, blue and white."""
+    """The matrix (3, 3) and the white's XYZ, from x and y of red, green, blue and white."""
     x, y = chromaticities[::2], chromaticities[1::2]
     every = np.stack([x / y, np.ones(4), (1 - x - y) / y]) if (y != 0).all() else np.full((3, 4), np.nan)
     return every[:, :3] * np.linalg.solve(every[:, :3], every[:, 3]), every[:, 3]
 
 
 def _exr_pixels(path: Path, header: dict[str, Any], exr: Any) -> int:
-    """Pixels of a part, counted anew for every three channels. Raises ValueError for too many, or deep ones."""
+    """Pixels of a part, counted again for every three channels. Raises ValueError for too many, or for a deep part."""
     if header.get("type") not in (None, exr.scanlineimage, exr.tiledimage):
         raise ValueError(f"{path} holds deep pixels; expected a flat picture")
     try:
@@ -195,8 +195,8 @@ def _exr_pixels(path: Path, header: dict[str, Any], exr: Any) -> int:
 
 
 def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Shared-exponent bytes (height, width, 4), rounded to nearest: to cut off instead darkens by 0.3 %."""
-    # Radiance 1.5 * 2^-127 ... 2^127; smaller is black.
+    """Shared-exponent bytes (height, width, 4), rounded to nearest, because cutting off would darken by 0.3 %."""
+    # Radiance from 1.5 * 2^-127 to 2^127; smaller values become black.
     brightest = np.minimum(image.max(axis=-1), np.float32(1.7e38))
     exponent = np.frexp(brightest)[1]
     # Rounding up may need one more bit.

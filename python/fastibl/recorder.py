@@ -14,8 +14,8 @@ from ._fastibl import Rig
 from .recording import CAMERAS, Frame, RecordingWriter
 
 _BUFFER = 256 * 2**20  # bytes of pictures that may wait to be written
-_LEAST_FREE = 200 * 2**20  # bytes of the disk that are left to others
-_SYNC = 0.5  # seconds between calls that bring the list of pictures to the disk
+_LEAST_FREE = 200 * 2**20  # bytes of the disk that are left to other programs
+_SYNC = 0.5  # seconds between calls that write the list of pictures through to the disk
 
 
 class Recorder:
@@ -37,7 +37,7 @@ class Recorder:
     ):
         self._buffer, self._least_free = buffer, least_free
         self.path = Path(path)
-        self._check_disk()  # before an older recording goes
+        self._check_disk()  # before an older recording is removed
         self._writer = RecordingWriter(path, rig, board)
         self._queue: deque[Frame] = deque()
         self._changed = threading.Condition()
@@ -45,7 +45,7 @@ class Recorder:
         self._closing = False
         self.written = self.dropped = 0  # frames
         self.error: Exception | None = None
-        self._told = False  # somebody, of it
+        self._told = False  # whether the error was raised to the caller
         self._thread = threading.Thread(target=self._run, name="fastibl recorder", daemon=True)
         self._thread.start()
 
@@ -80,7 +80,7 @@ class Recorder:
         self._thread.join()
         try:
             self._writer.close()
-        except OSError as error:  # the end of frames.csv found no room
+        except OSError as error:  # there was no room for the end of frames.csv
             self.error = self.error or error
         if self.error is not None and not self._told:
             self._told = True
@@ -93,7 +93,7 @@ class Recorder:
         try:
             self.close()
         except Exception:
-            if error is None:  # else that one goes on
+            if error is None:  # otherwise that exception goes on
                 raise
 
     def _check_disk(self) -> None:
@@ -113,7 +113,7 @@ class Recorder:
                     self._changed.wait_for(lambda: self._queue or self._closing)
                     if not self._queue:
                         return
-                    frame = self._queue[0]  # counts as waiting while it is written
+                    frame = self._queue[0]  # it counts as waiting while it is written
                 self._writer.add(frame)
                 with self._changed:
                     self._queue.popleft()

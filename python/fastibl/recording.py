@@ -50,10 +50,10 @@ if TYPE_CHECKING:
     import cv2
 
 _ATTITUDE_COLUMNS = ("time", *(f"m{row}{column}" for row in range(3) for column in range(3)))
-_MOST_TEXT = 2**27  # bytes of a list of pictures: some days of film
+_MOST_TEXT = 2**27  # bytes of a list of pictures: enough for some days of film
 _MOST_EVENTS = 2**22  # bytes
 _PICTURES = {".png": png_size, ".jpg": jpeg_size, ".jpeg": jpeg_size}
-# What RecordingWriter writes: files, and the names within folders.
+# What RecordingWriter writes: files, and the names of files in folders.
 _FILES = {"rig.yaml", "board.yaml", "frames.csv", "attitudes.csv", *(f"{camera}.mkv" for camera in CAMERAS)}
 _FOLDERS = {camera: re.compile(r"\d{5,}\.png") for camera in CAMERAS}
 _FOLDERS["truth"] = re.compile(r"map-\d+\.npy|maps\.csv|poses\.csv|events\.json")
@@ -187,7 +187,8 @@ class Recording:
         return iter(self._frames)
 
     def __getitem__(self, index: int) -> Frame:
-        """One frame. OSError where a picture of it is missing or broken; TypeError for a slice: frames are large."""
+        """One frame. Raises OSError where a picture of it is missing or broken; TypeError for a slice, because frames
+        are large."""
         expect(index, SupportsIndex, "index", "[recording[k] for k in range(…)] makes a list of frames")
         return self._frames[index]
 
@@ -226,7 +227,8 @@ class Recording:
 
 
 def _foreign(item: Path) -> str:
-    """The first of a folder's files, or the file or folder itself, that no recording writes; "" where there is none."""
+    """The first file in a folder that no recording writes; the item itself if it is such a file or folder; "" if there
+    is none."""
     inside = _FOLDERS.get(item.name)
     if item.is_symlink() or not (item.is_dir() if inside else item.is_file() and item.name in _FILES):
         return item.name
@@ -312,7 +314,7 @@ class RecordingWriter:
             exposure = getattr(frame, f"{camera}_exposure")
             told = "" if exposure is None else repr(float(exposure))
             self._rows.writerow((repr(float(frame.time)), camera, name, told))
-        self._file.flush()  # what was recorded survives a crash
+        self._file.flush()  # so that what was recorded survives a crash
         if attitude is not None:
             self._add_attitude(frame.time, attitude)
 
@@ -355,7 +357,7 @@ class RecordingWriter:
         if self._videos is None:
             name = f"{camera}/{number:05d}.png"
             (self.path / camera).mkdir(exist_ok=True)
-            # Not cv2.imwrite, which does not notice a full disk.
+            # cv2.imwrite would not notice a full disk.
             _, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
             (self.path / name).write_bytes(data.tobytes())
             return name
@@ -428,7 +430,7 @@ def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike 
 
 
 class _StoredFrames(Sequence[Frame]):
-    """Frames that are read when they are asked for."""
+    """Frames that are read only when they are asked for."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -506,7 +508,7 @@ def _open_video(path: Path) -> cv2.VideoCapture:
 
     with open(path, "rb") as file:
         head = file.read(12)
-    # By content: a playlist of that name would have FFmpeg read what it names, of this disk or of the network.
+    # Judged by content: FFmpeg would read whatever a playlist of that name refers to, on this disk or on the network.
     if not (head.startswith((b"\x1a\x45\xdf\xa3", b"RIFF")) or head[4:8] == b"ftyp"):
         raise OSError(f"the video {path} cannot be read: it is no Matroska, AVI or MP4 file")
     video = open_film(path)
@@ -520,14 +522,14 @@ def _open_video(path: Path) -> cv2.VideoCapture:
 
 
 def _check_name(name: str, where: str) -> None:
-    """ValueError for a file name that leads out of its folder, on whichever system."""
+    """Raises ValueError for a file name that leads out of its folder on any system."""
     for path in (PurePosixPath(name), PureWindowsPath(name)):
         if path.is_absolute() or path.drive or ".." in path.parts or "\0" in name:
             raise ValueError(f"{where}: a file must lie in the recording's folder, got {name!r}")
 
 
 def _inside(folder: Path, name: str) -> Path:
-    """A file of a folder. OSError for one that a link leads to elsewhere."""
+    """The path of a file in a folder. Raises OSError if a link leads to a place outside it."""
     path = folder / name
     if not path.resolve().is_relative_to(folder.resolve()):
         raise OSError(f"{path} leads out of the recording, to {path.resolve()}")
@@ -571,13 +573,13 @@ def _list_moments(path: Path, moments: dict[float, list[dict[str, tuple[str, flo
                 raise ValueError(f"{where}: pictures end in {', '.join(_PICTURES)}, got {row['file']!r}")
             _check_name(name if mark else row["file"], where)
             here = moments.setdefault(time, [{}])
-            if row["camera"] in here[-1]:  # another picture of that time
+            if row["camera"] in here[-1]:  # a second picture of this camera at that time
                 here.append({})
             here[-1][row["camera"]] = row["file"], exposure
 
 
 def _attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
-    """(3, 3) float64. ValueError, naming `what`, for what is no rotation."""
+    """(3, 3) float64. Raises ValueError, naming `what`, for anything but a rotation."""
     try:
         m = np.asarray(attitude, np.float64)
     except (TypeError, ValueError):
@@ -593,7 +595,7 @@ def _attitude_row(time: float, attitude: NDArray) -> tuple[float, ...]:
 
 
 def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:
-    """By time, in their order; none where there is no such list."""
+    """Attitudes by time, in their order; empty where there is no such list."""
     if not path.is_file():
         return {}
     attitudes: dict[float, list[NDArray[np.float64]]] = {}
@@ -615,7 +617,7 @@ def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:
 
 
 def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
-    """Lines but a last one that a crash cut off."""
+    """The lines, without a last one that a crash cut off."""
     for line in file:
         if line.endswith(("\n", "\r")):
             yield line
@@ -626,9 +628,9 @@ def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
 def _load(path: Path) -> NDArray:
     check_file_size(path)
     try:
-        # Mapped: a header that claims more than the file holds takes no memory.
+        # Mapped, so that a header that claims more than the file holds takes no memory.
         return np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # NumPy raises what the parser of its header raises
+    except Exception as error:  # NumPy raises whatever the parser of its header raises
         raise ValueError(f"{path} is not an array that can be read: {error}") from error
 
 

@@ -28,7 +28,7 @@ _FACES = np.array(
 
 
 def _triangle_angle(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
-    """Solid angle of the spherical triangle of unit vectors (..., 3)."""
+    """The solid angle of the spherical triangle between unit vectors (..., 3)."""
     volume = np.abs(np.einsum("...i,...i", a, np.cross(b, c)))
     dots = 1 + np.einsum("...i,...i", a, b) + np.einsum("...i,...i", b, c) + np.einsum("...i,...i", c, a)
     return 2 * np.arctan2(volume, dots)
@@ -47,7 +47,7 @@ def _cube_samples(faces: NDArray, split: int) -> tuple[NDArray, NDArray, NDArray
         )
         return points / np.linalg.norm(points, axis=-1, keepdims=True)
 
-    corners = directions(grid, grid)[:1]  # all faces alike
+    corners = directions(grid, grid)[:1]  # all faces are alike
     a, b, c, d = corners[:, :-1, :-1], corners[:, :-1, 1:], corners[:, 1:, 1:], corners[:, 1:, :-1]
     angles = np.broadcast_to(_triangle_angle(a, b, c) + _triangle_angle(a, c, d), (6, n, n))
     radiance = np.repeat(np.repeat(faces, split, axis=1), split, axis=2)
@@ -172,7 +172,7 @@ def _refined(shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: in
         z = np.broadcast_to(np.cos(polar), (len(chosen), split, split))
         directions = np.stack([across * np.sin(azimuth), across * np.cos(azimuth), z], axis=-1)
         area = np.broadcast_to(across, z.shape)
-    area = area.reshape(len(chosen), split * split)  # of none, too
+    area = area.reshape(len(chosen), split * split)  # also works where no texel is chosen
     return directions.reshape(len(chosen), split * split, 3), area * (angles[chosen] / area.sum(axis=1))[:, None]
 
 
@@ -185,7 +185,8 @@ def ggx_alpha(roughness: float, anisotropy: float = 0.0) -> tuple[float, float]:
 def _ggx_lobe(l: NDArray, v: NDArray, frame: NDArray, alpha: tuple[float, float]) -> NDArray:
     """D G2 / (4 n.v) for unit directions l (..., 3) towards the light; rows of frame: tangent, bitangent, normal.
 
-    D by the tangent of the half vector's angle (Walter et al. 2007), Smith's masking of height-correlated GGX.
+    D follows from the tangent of the half vector's angle (Walter et al. 2007), G2 from Smith's masking in its
+    height-correlated form for GGX.
     """
     h = l + v
     h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-300)
@@ -203,7 +204,7 @@ def _ggx_lobe(l: NDArray, v: NDArray, frame: NDArray, alpha: tuple[float, float]
 
 
 def _surface_frame(normal: NDArray, tangent: NDArray) -> NDArray:
-    """Rows tangent, bitangent, normal; any tangent where the given one is 0 or along the normal."""
+    """Rows tangent, bitangent, normal; some tangent is chosen where the given one is 0 or along the normal."""
     across = np.cross(normal, tangent)
     if not np.linalg.norm(across) > 1e-4:
         across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -246,7 +247,7 @@ def ggx(
         weight = _ggx_lobe(directions, view, frame, pair) * angles
         if split > 1:
             density = weight / angles
-            # Also texels that the horizon cuts.
+            # Texels that the horizon cuts are refined, too.
             cut = np.abs(directions @ normal) < 2 * np.sqrt(angles)
             chosen = np.flatnonzero((density > 1e-3 * density.max()) | cut)
             for begin in range(0, len(chosen), 1 << 14):

@@ -21,19 +21,19 @@ from ._fastibl import CubeMap
 LOWER = np.array([-2.6, -2.0, 0.0])  # corners of the room, metres
 UPPER = np.array([3.4, 3.0, 2.6])
 TABLE = np.array([1.0, 0.65])  # half sizes of the table top, metres
-OBJECT = (0.0, 0.0, 0.06)  # where a virtual object's middle is
+OBJECT = (0.0, 0.0, 0.06)  # where the middle of a virtual object is
 
 _LAMP_CENTRE = np.array([0.9, -1.74, 1.25])  # a globe on the wall y = -2
 _LAMP_RADIUS = 0.12
 _LAMP_RADIANCE = np.array([1.0, 0.80, 0.55], np.float32) * 700
 
-_DENSITY = 96  # texels a metre of walls, floor and ceiling
-_TABLE_DENSITY = 500  # texels a metre of the table top
-_TABLE_MARGIN = 0.04  # metres of floor around the table that its picture holds, so that its edge is smooth
-_LIGHT_DENSITY = 20  # points a metre at which direct light is worked out
+_DENSITY = 96  # texels per metre of walls, floor and ceiling
+_TABLE_DENSITY = 500  # texels per metre of the table top
+_TABLE_MARGIN = 0.04  # metres of floor around the table in the table's picture, so that its edge is smooth
+_LIGHT_DENSITY = 20  # points per metre at which direct light is computed
 _PATCHES = 16  # patches along each edge of a surface, for the reflections
 _BOUNCES = 8
-_PAD = 2  # texels around each surface in the atlas, so that interpolation never meets its neighbour
+_PAD = 2  # texels around each surface in the atlas, so that interpolation never reads a neighbouring surface
 
 
 def linear(colour: str) -> NDArray[np.float32]:
@@ -68,13 +68,13 @@ def wood(width: float, height: float, density: float, mean: ArrayLike, seed: int
 
 
 class _Surface:
-    """One side of the room. `u` grows to the right and `v` downwards as seen from inside."""
+    """One side of the room. `u` grows to the right and `v` downwards, as seen from inside."""
 
     def __init__(self, origin: ArrayLike, u: ArrayLike, v: ArrayLike, size: tuple[float, float]):
         self.origin, self.u, self.v = (np.asarray(a, np.float64) for a in (origin, u, v))
         self.size = size  # metres along u and v
-        self.normal = np.cross(self.v, self.u)  # into the room
-        self.density = 2 * _DENSITY  # painted twice as fine, then averaged
+        self.normal = np.cross(self.v, self.u)  # points into the room
+        self.density = 2 * _DENSITY  # painted at twice the density, then averaged
         shape = (round(size[1] * self.density), round(size[0] * self.density), 3)
         self.albedo = np.zeros(shape, np.float32)
         self.emission = np.zeros(shape, np.float32)
@@ -113,13 +113,13 @@ class _Surface:
         self.density = _DENSITY
 
     def points(self, width: int, height: int) -> NDArray:
-        """Middles (height, width, 3) of a grid of cells over the surface, metres."""
+        """The middles (height, width, 3) of the cells of a grid over the surface, metres."""
         u = (np.arange(width) + 0.5) / width * self.size[0]
         v = (np.arange(height) + 0.5) / height * self.size[1]
         return self.origin + u[None, :, None] * self.u + v[:, None, None] * self.v
 
     def corners(self, u0, v0, u1, v1) -> NDArray:
-        """Corners (4, 3) of a rectangle, clockwise for who looks at the surface from inside."""
+        """The corners (4, 3) of a rectangle, clockwise as seen from inside."""
         return np.array([self.origin + u * self.u + v * self.v for u, v in ((u0, v0), (u1, v0), (u1, v1), (u0, v1))])
 
 
@@ -136,7 +136,7 @@ def _window(wall: _Surface, u0, z0, u1, z1, rng):
         for n, weight in ((4, 1.0), (8, 0.5), (16, 0.25))
     )
     sky += np.clip(clouds - 0.7, 0, 1.2)[..., None] * np.array([110, 106, 100], np.float32)
-    x = 0  # a row of houses and trees before it
+    x = 0  # a row of houses and trees in front of it
     while x < width:
         step = int(rng.integers(width // 9, width // 5))
         top = int(height * rng.uniform(0.58, 0.75))
@@ -332,10 +332,10 @@ def _paint_floor(wall: _Surface, rng):
 
 
 def _rectangle_irradiance(points: NDArray, normal: NDArray, corners: NDArray) -> NDArray:
-    """Irradiance (...) at points (..., 3) from a rectangle of radiance 1, wholly above their horizon.
+    """Irradiance (...) at points (..., 3) from a rectangle of radiance 1 that is wholly above their horizon.
 
-    Lambert 1760: half the sum over the edges of the angle an edge subtends times the cosine between the
-    normal and the normal of the plane through the edge and the point.
+    Lambert 1760: half the sum over the edges of the angle that an edge subtends, times the cosine between the normal
+    and the normal of the plane through the edge and the point.
     """
     arrows = corners[:, None, :] - points.reshape(1, -1, 3)
     arrows /= np.maximum(np.linalg.norm(arrows, axis=-1, keepdims=True), 1e-9)
@@ -348,7 +348,7 @@ def _rectangle_irradiance(points: NDArray, normal: NDArray, corners: NDArray) ->
 
 
 def _sphere_irradiance(points: NDArray, normal: NDArray) -> NDArray:
-    """Irradiance (...) at points from the lamp with radiance 1, wholly above their horizon."""
+    """Irradiance (...) at points from the lamp at radiance 1, if it is wholly above their horizon."""
     arrow = _LAMP_CENTRE - points
     squared = np.sum(arrow * arrow, axis=-1)
     return np.pi * _LAMP_RADIUS**2 * np.maximum(arrow @ normal, 0) / squared**1.5
@@ -365,7 +365,7 @@ class Room:
         rng = np.random.default_rng(20140)
         (x0, y0, z0), (x1, y1, z1) = LOWER, UPPER
         w, d, h = UPPER - LOWER
-        # Order: x+, x-, y+, y-, z+ (ceiling), z- (floor), as `_locate` numbers them.
+        # In the order in which `_locate` numbers them: x+, x-, y+, y-, z+ (ceiling), z- (floor).
         self._surfaces = [
             _Surface((x1, y1, z1), (0, -1, 0), (0, 0, -1), (d, h)),
             _Surface((x0, y0, z1), (0, 1, 0), (0, 0, -1), (d, h)),
@@ -380,7 +380,7 @@ class Room:
             surface.finish()
         self.albedo = table_albedo(albedo)
         floor = self._surfaces[5]
-        left, top = -TABLE[0] - x0, y1 - TABLE[1]  # the table on the floor's coarse picture
+        left, top = -TABLE[0] - x0, y1 - TABLE[1]  # the place of the table in the floor's coarse picture
         rows = slice(round(top * _DENSITY), round((top + 2 * TABLE[1]) * _DENSITY))
         columns = slice(round(left * _DENSITY), round((left + 2 * TABLE[0]) * _DENSITY))
         floor.albedo[rows, columns] = self.albedo
@@ -427,7 +427,7 @@ class Room:
         squared = np.maximum(squared[:, None] + squared - 2 * middles @ middles.T, 1e-9)
         here = normals @ middles.T - np.sum(normals * middles, axis=1)[:, None]  # n_i . (x_j - x_i)
         factors = np.maximum(here, 0) * np.maximum(here.T, 0) / squared
-        factors *= areas / (np.pi * squared + areas)  # a disc of the patch's area
+        factors *= areas / (np.pi * squared + areas)  # as if the patch were a disc of the same area
         return factors / factors.sum(axis=1, keepdims=True)
 
     def _reflections(self, direct: list[NDArray]) -> list[NDArray]:
@@ -474,7 +474,7 @@ class Room:
         beyond = _look_up(
             self._surfaces[5].albedo,
             *(
-                ((grid[..., 0] * (1 + 0.1) - LOWER[0]) * _DENSITY),  # past the table's blurred edge
+                ((grid[..., 0] * (1 + 0.1) - LOWER[0]) * _DENSITY),  # looks beyond the table's blurred edge
                 ((UPPER[1] - grid[..., 1] * (1 + 0.1)) * _DENSITY),
             ),
             cv2.BORDER_REPLICATE,
@@ -506,8 +506,8 @@ class Room:
                 padded = cv2.copyMakeBorder(tile, _PAD, _PAD, _PAD, _PAD, cv2.BORDER_REPLICATE)
                 atlas[r : r + padded.shape[0], c : c + padded.shape[1]] = padded
             self._atlas[lamp] = atlas
-        # Atlas column = scale * a + shift, where a is y on the x walls and x elsewhere; row likewise, of z on
-        # the walls and y on floor and ceiling.
+        # Atlas column = scale * a + shift, where a is y on the x walls and x elsewhere. The row is found likewise, from
+        # z on the walls and from y on floor and ceiling.
         table_frame = (np.array([-half[0], half[1], 0]), np.array([1, 0, 0]), np.array([0, -1, 0]))
         frames = [(s.origin, s.u, s.v) for s in self._surfaces] + [table_frame]
         columns, rows = [], []
@@ -518,18 +518,18 @@ class Room:
                 out.append((scale, corner + _PAD - 0.5 - density * (axis @ origin)))
         self._columns = np.array(columns, np.float32).T.copy()
         self._rows = np.array(rows, np.float32).T.copy()
-        # The lamp's glass when it is off, about as bright as paper there.
+        # When the lamp is off, its glass is about as bright as paper there.
         near = np.mean([self._irradiance_picture(3, False).mean(axis=(0, 1))], axis=0)
         self._glass = (0.8 * near / np.pi).astype(np.float32)
 
     def _locate(self, origin: tuple, dx: NDArray, dy: NDArray, dz: NDArray) -> tuple[NDArray, NDArray]:
-        """Atlas coordinates (float32) of what rays from inside the room meet."""
+        """Atlas coordinates (float32) of the points that rays from inside the room meet."""
         ox, oy, oz = origin
         with np.errstate(divide="ignore"):
             tx = (np.where(dx > 0, np.float32(UPPER[0]), np.float32(LOWER[0])) - ox) / dx
             ty = (np.where(dy > 0, np.float32(UPPER[1]), np.float32(LOWER[1])) - oy) / dy
             tz = (np.where(dz > 0, np.float32(UPPER[2]), np.float32(LOWER[2])) - oz) / dz
-        np.abs(tx, out=tx), np.abs(ty, out=ty), np.abs(tz, out=tz)  # -0 has an infinite t too
+        np.abs(tx, out=tx), np.abs(ty, out=ty), np.abs(tz, out=tz)  # both 0 and -0 have an infinite t
         t = np.minimum(np.minimum(tx, ty), tz)
         on_x, on_z = t == tx, t == tz
         px, py, pz = ox + t * dx, oy + t * dy, oz + t * dz
@@ -619,7 +619,7 @@ def _look_up(image: NDArray, x: NDArray, y: NDArray, border: int) -> NDArray[np.
     """Bilinear look-up at columns x and rows y of any shape; whole numbers are the middles of texels."""
     shape = x.shape
     x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
-    if x.ndim == 2 and max(x.shape) < 32767:  # what cv2.remap takes
+    if x.ndim == 2 and max(x.shape) < 32767:  # shapes that cv2.remap takes
         return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=border)
     width = 1024
     padding = -x.size % width

@@ -22,7 +22,7 @@ def rotation_vectors(r: NDArray) -> NDArray[np.float64]:
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, np.trace(r, axis1=-2, axis2=-1)[..., None] - 1)
     vectors = axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 0.5)
-    half = angle[..., 0] > np.pi - 1e-6  # the sine says nothing of the axis: R + 1 is twice its square
+    half = angle[..., 0] > np.pi - 1e-6  # the sine does not tell the axis, but R + 1 is twice its square
     if np.any(half):
         square = r[half] + np.eye(3)
         largest = np.argmax(np.diagonal(square, axis1=-2, axis2=-1), axis=-1)
@@ -49,7 +49,7 @@ class RotationPath:
         self._turns = rotation_vectors(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
 
     def __call__(self, at: NDArray) -> NDArray[np.float64]:
-        """(m, 3, 3) at times (m,) from the first to the last."""
+        """Rotations (m, 3, 3) at times (m,) from the first to the last time."""
         k = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2)
         share = (at - self.times[k]) / (self.times[k + 1] - self.times[k])
         return rotations_from(share[:, None] * self._turns[k]) @ self._rotations[k]

@@ -98,7 +98,7 @@ def make_plan(
     )
 
 
-# Of each scene the last picture, and the places that it shows.
+# For each scene, the last picture that was planned, and the places that it shows.
 _SHOWN: WeakKeyDictionary[Scene, tuple[tuple[Camera, Pose], _SceneSamples | None]] = WeakKeyDictionary()
 
 
@@ -117,7 +117,7 @@ def bake_shadow(scene: Scene, method: str = "auto") -> None:
 
 
 def _budgets(error: float | None, milliseconds: float | None) -> tuple[float, float]:
-    """0 for none."""
+    """The budgets as numbers; 0 for none."""
     for name, number in (("error", error), ("milliseconds", milliseconds)):
         expect(number, (Real, type(None)), name)
     return float(error or 0), float(milliseconds or 0)
@@ -291,7 +291,8 @@ class Session(_Session):
         self._bake()
 
     def _bake(self) -> None:
-        """What was baked since the session took the scene is new to it, whoever baked it."""
+        """Gives the session the scene's baked shadow, whoever baked it: it may have been baked after the session took
+        the scene."""
         if self._casts:
             bake_shadow(self._drawn, self._shadow)
             self._set_baked_shadow(self._drawn.baked_shadow)

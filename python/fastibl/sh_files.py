@@ -18,9 +18,9 @@ from .whole_file import write_whole
 CONVENTIONS = ("filament", "three.js")
 
 NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
-# Of the real orthonormal basis 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2.
+# Factors of the real orthonormal basis 1; y, z, x; xy, yz, 3 z^2 - 1, xz, x^2 - y^2.
 BASIS = np.sqrt(np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / np.pi)
-# Of the clamped cosine, by order: irradiance is the sum of these times radiance. Ramamoorthi and Hanrahan 2001, Eq. 8.
+# Factors of the clamped cosine, by order: they turn radiance into irradiance. Ramamoorthi and Hanrahan 2001, Eq. 8.
 COSINE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
 
 
@@ -61,7 +61,7 @@ def write_sh(
 
 
 def _text(rows: NDArray[np.float64], convention: str) -> str:
-    if convention == "filament":  # cmgen's own form, which Filament's samples parse
+    if convention == "filament":  # cmgen's own format, which Filament's samples parse
         lines = (f"({', '.join(f'{v:18.15f}' for v in row)}); // {name}, irradiance, pre-scaled base" for row, name in
                  zip(rows, NAMES, strict=True))  # fmt: skip
     else:
@@ -74,7 +74,7 @@ def _named(rows: NDArray[np.float64], convention: str, axes: str) -> dict[str, o
 
 
 def _light_probe(rows: NDArray[np.float64]) -> dict[str, object]:
-    # three.js' JSON Object format 4, as LightProbe.toJSON writes and ObjectLoader parses it.
+    # three.js' JSON Object format 4, as LightProbe.toJSON writes it and ObjectLoader parses it.
     light = {"type": "LightProbe", "name": "fastibl", "color": 0xFFFFFF, "intensity": 1, "sh": sum(rounded(rows), [])}
     return {"metadata": {"version": 4.6, "type": "Object", "generator": "fastibl"}, "object": light}
 

@@ -16,7 +16,7 @@ from .pictures import write_exr
 from .whole_file import write_whole
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
-_MOST = 4096  # texels along an edge
+_MOST = 4096  # most texels along an edge
 
 
 def write_shadow(
@@ -72,7 +72,7 @@ def _resolution(shadow: ShadowMap, extent: float) -> int:
 
 
 def _from_above(shadow: ShadowMap, extent: float, resolution: int) -> NDArray[np.float32]:
-    """(n, n, 3): the ratio at the pixels' centres, row 0 at the largest y."""
+    """The ratio (n, n, 3) at the pixels' centres; row 0 is at the largest y."""
     across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * extent
     x, y = np.meshgrid(across + shadow.centre[0], across[::-1] + shadow.centre[1])
     return shadow.sample(np.stack([x, y], axis=-1))

@@ -47,7 +47,7 @@ def _net(field: Field, lower: NDArray, upper: NDArray, cell: float) -> tuple[NDA
     number = np.full(crossed.shape, -1)
     number[crossed] = np.arange(crossed.sum())
     quads = []
-    for axis in range(3):  # an edge of the grid that crosses the surface is met by four cells: a quad
+    for axis in range(3):  # four cells meet at each edge of the grid that crosses the surface: they form a quad
         u, v = (axis + 1) % 3, (axis + 2) % 3
         along = np.moveaxis(inside, axis, 0)
         edges = np.argwhere(np.moveaxis(along[1:] != along[:-1], 0, axis))
@@ -64,7 +64,7 @@ def _net(field: Field, lower: NDArray, upper: NDArray, cell: float) -> tuple[NDA
 
 
 def _relaxed(vertices: NDArray, quads: NDArray) -> NDArray:
-    """Vertices moved half-way towards the mean of their neighbours, which evens out the triangles."""
+    """The vertices, moved half-way towards the mean of their neighbours, which evens out the triangles."""
     total, count = np.zeros_like(vertices), np.zeros(len(vertices))
     for a, b in ((0, 1), (1, 2), (2, 3), (3, 0)):
         for here, there in ((a, b), (b, a)):
@@ -74,7 +74,7 @@ def _relaxed(vertices: NDArray, quads: NDArray) -> NDArray:
 
 
 def _onto(field: Field, points: NDArray, cell: float) -> NDArray:
-    """Points moved onto field = 0 by Newton steps of at most half a cell."""
+    """The points, moved onto field = 0 by Newton steps of at most half a cell."""
     h = 1e-3 * cell
     for _ in range(4):
         value = field(points)
@@ -110,7 +110,7 @@ def _ring(p, centre, axis, radius, thickness):
 
 
 def _join(a, b, blend):
-    """Union whose seam is rounded over about `blend` (Quilez, polynomial smooth minimum)."""
+    """A union whose seam is rounded over about `blend` (Quilez, polynomial smooth minimum)."""
     h = np.maximum(blend - np.abs(a - b), 0) / blend
     return np.minimum(a, b) - h * h * blend / 4
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ._fastibl import Camera, Pose
 
-_BAND_STEP, _BLUR_STEP = 0.25, 1.0  # pixels of motion between bands of rows, and between poses of an exposure
-_MOST_POSES = 64  # of one exposure
+_BAND_STEP, _BLUR_STEP = 0.25, 1.0  # pixels of motion between bands of rows, and between an exposure's poses
+_MOST_POSES = 64  # most poses of one exposure
 _PROBE_TIMES = 5
 _PROBE_DISTANCES = (0.4, 100.0)  # metres: the nearest that a hand shows, and what only turns
 
@@ -80,7 +80,7 @@ def bands(camera: Camera, pose_at: Callable[[float], Pose], begin: float, exposu
 
 
 def _pixel_speed(camera: Camera, pose_at: Callable[[float], Pose], begin: float, end: float) -> float:
-    """Pixels a second by which what the camera shows moves at most."""
+    """The highest speed, in pixels a second, of anything that the camera shows."""
     if end <= begin:
         return 0.0
     poses = [pose_at(t) for t in np.linspace(begin, end, _PROBE_TIMES).tolist()]

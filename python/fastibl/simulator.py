@@ -19,17 +19,18 @@ from .recording import Frame, Recording, RecordingWriter, Truth
 from .room import OBJECT, TABLE, Room, _look_up, table_albedo, truth_map, wood
 from .shutter import Shutter, bands, row_times
 
-PAPER, INK = 0.80, 0.045  # albedo of the printed page
-FRONT_STEPS = (1.0, 1 / 16, 1 / 256)  # exposures of the front camera, in turn
+PAPER, INK = 0.80, 0.045  # albedo of the printed page's white and black
+FRONT_STEPS = (1.0, 1 / 16, 1 / 256)  # the front camera's exposures, which it takes in turn
 
 _FULL_WELL, _READ_NOISE = 4000, 6  # electrons
-_BLUR = 0.55  # standard deviation of the lens in pixels
-_TABLE_LEVEL = 0.30  # the table's mean in the back pictures, of white
-_FRONT_LEVEL = 0.18  # the mean of what the front camera can see, of white, as cameras meter
-# Of a camera that exposes by its last picture: what is to lie at which level, the least and most that it changes
-# from one picture to the next, and how much longer than the table's its exposures get.
+_BLUR = 0.55  # standard deviation of the lens's blur, in pixels
+_TABLE_LEVEL = 0.30  # mean of the table in the back pictures, as a share of white
+_FRONT_LEVEL = 0.18  # mean of all that the front camera can see, as a share of white: cameras meter like this
+# For a camera that sets its exposure by its last picture: which share of the pixels is to lie below which level, the
+# least and largest factor from one picture to the next, and how many times longer than the table's exposure it may
+# become.
 _METERED_SHARE, _METERED_LEVEL, _METERED_STEPS, _METERED_MOST = 0.97, 0.7, (0.5, 1.4), 8.0
-_HAND_FADE = 0.12  # seconds in which the hand comes and goes
+_HAND_FADE = 0.12  # seconds in which the hand appears and disappears
 
 
 class Place(Protocol):
@@ -49,8 +50,8 @@ class DistantPlace:
     RGB; far from the marker the table looks plain.
     """
 
-    _DENSITY = 500  # texels a metre of the table
-    _PLAIN = (1.2, 2.5)  # metres from the marker between which the grain fades
+    _DENSITY = 500  # texels per metre of the table
+    _PLAIN = (1.2, 2.5)  # distances from the marker, in metres, between which the grain fades
 
     def __init__(self, environment: CubeMap | ArrayLike, albedo: ArrayLike | None = None):
         if isinstance(environment, CubeMap):
@@ -63,7 +64,7 @@ class DistantPlace:
                 raise TypeError(f"an environment map holds linear radiance in floats, got {image.dtype}")
             self._cube = cubemap_from_equirect(image, size=128)
             image = np.nan_to_num(image.astype(np.float32), nan=0, posinf=1e9, neginf=0).clip(0, 1e9)
-            # One column more on each side: interpolation runs on across the seam.
+            # One more column on each side, so that interpolation continues across the seam.
             self._equirect = cv2.copyMakeBorder(image, 0, 0, 1, 1, cv2.BORDER_WRAP)
         self.albedo = table_albedo(albedo)
         up = texel_directions(self._cube.size)[..., 2:].astype(np.float64)
@@ -176,7 +177,7 @@ class HandPath:
     def __init__(self, rng: np.random.Generator, seconds: float):
         self._start = rng.uniform(0, 2 * np.pi)
         self._seconds = max(seconds, 1e-9)
-        # Twice around, so that each half of the time sees the whole place; no faster than a hand.
+        # Twice around, so that each half of the time sees the whole place, but no faster than a hand moves.
         turn = min(4.2 * np.pi, np.radians(65) * seconds)
         self._speed = rng.choice([-1, 1]) * turn / self._seconds
         self._slow = rng.uniform(0, 2 * np.pi, (5, 2))
@@ -205,7 +206,7 @@ class HandPath:
         return 0.65 * np.sin(2 * np.pi * first * time + a) + 0.35 * np.sin(2 * np.pi * second * time + b)
 
     def _around(self, time: float) -> tuple[float, float]:
-        """Azimuth of the camera and its tilt from the board's normal, radians."""
+        """The camera's azimuth and its tilt from the board's normal, radians."""
         azimuth = self._start + self._speed * time + 0.06 * self._wave(0, time, 0.31, 0.53)
         return azimuth, np.radians(43 + 18 * self._wave(1, time, 0.27, 0.61))
 
@@ -214,7 +215,7 @@ class SweepPath(HandPath):
     """The same hand when it looks for light: once around with the front camera on the horizon, and once above it."""
 
     _LOW, _HIGH = np.radians(63), np.radians(24)  # tilt; the front camera looks 90 degrees minus this above the horizon
-    _LOW_SHARE = 0.6  # of the time
+    _LOW_SHARE = 0.6  # share of the time at the tilt _LOW
 
     def _around(self, time: float) -> tuple[float, float]:
         turns = time / self._seconds
@@ -230,7 +231,7 @@ PATHS = {"hand": HandPath, "sweep": SweepPath}
 
 
 class _Eye:
-    """A camera with its rays worked out: from radiance along them to pictures."""
+    """A camera with its rays computed in advance; makes pictures from the radiance along them."""
 
     def __init__(self, camera: Camera):
         self.camera = camera
@@ -239,10 +240,10 @@ class _Eye:
         reached = ~np.isnan(rays).any(axis=-1)
         if camera.model == "perspective" and not reached.all():
             raise ValueError("the lens model does not reach the picture's corners")
-        rays[~reached] = [0, 0, 1]  # black: around a fisheye's circle
+        rays[~reached] = [0, 0, 1]  # these are black: they lie around a fisheye's circle
         self.rays = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
         y, x = (np.mgrid[: 2 * camera.height, : 2 * camera.width].astype(np.float64) + 0.5) / 2
-        self.fine = np.nan_to_num(camera.unproject(np.stack([x, y], axis=-1))).astype(np.float32)  # 2 x 2 a pixel
+        self.fine = np.nan_to_num(camera.unproject(np.stack([x, y], axis=-1))).astype(np.float32)  # 2 x 2 rays a pixel
         offsets = (np.mgrid[: camera.height, : camera.width] + 0.5).astype(np.float64)
         r2 = ((offsets[1] - camera.cx) / camera.fx) ** 2 + ((offsets[0] - camera.cy) / camera.fy) ** 2
         factor = 1 + sum(v * r2 ** (k + 1) for k, v in enumerate(camera.vignetting))
@@ -258,7 +259,8 @@ class _Eye:
         glare: float = 0.0,
         lamps: NDArray | None = None,
     ) -> NDArray[np.uint8]:
-        """Lens blur, vignetting, veiling glare, shot and read noise, response. lamps: factor of each row."""
+        """Adds lens blur, vignetting, veiling glare, shot noise and read noise, and applies the response. lamps: factor
+        of each row."""
         light = cv2.GaussianBlur(radiance, (0, 0), _BLUR, borderType=cv2.BORDER_REPLICATE)
         light *= self.factor * np.float32(exposure)
         if glare:
@@ -276,7 +278,7 @@ class _Eye:
 
 
 class _PrintedBoard:
-    """The page on the table as a picture of radiance and coverage for each state of the lamp."""
+    """The page on the table, as pictures of radiance and of coverage for each state of the lamp."""
 
     _TEXEL = 0.0003  # metres; a third of a pixel of the back camera at its nearest
 
@@ -300,7 +302,7 @@ class _PrintedBoard:
         self.scale = np.float32(shape[0] / self.width), np.float32(shape[1] / self.height)
 
     def lay(self, picture: NDArray, eye: _Eye, camera_from_marker: Pose, lamp: bool, top: int = 0) -> None:
-        """Draws the page over a picture of radiance, in place, from 2 x 2 rays a pixel.
+        """Draws the page over a picture of radiance, in place, from 2 x 2 rays per pixel.
 
         picture: the camera's rows from `top` on.
         """
@@ -346,7 +348,7 @@ class _Hand:
         self._skin = folds[..., None] * (np.array([0.60, 0.36, 0.26], np.float32) * np.float32(0.10 * light))
 
     def cover(self, picture: NDArray, time: float, rows: slice = slice(None)) -> NDArray:
-        """The picture, which is those rows of the camera's, behind the hand."""
+        """The picture with the hand in front of it. rows: those of the camera that the picture holds."""
         if not self.begin - self.fade < time < self.end + self.fade:
             return picture
         risen = min(1.0, (time - self.begin) / self.fade + 1, (self.end - time) / self.fade + 1)
@@ -493,7 +495,7 @@ def simulate(
         steps = tqdm(steps, total=len(times), desc="simulate", unit="frame", disable=None)
     try:
         if writer is not None:
-            writer.write_truth(truth)  # first: a run that is broken off leaves a shorter recording
+            writer.write_truth(truth)  # first, so that a run that is broken off leaves a shorter recording
         for index, time in steps:
             frame = make.frame(index, time)
             frames.append(frame) if writer is None else writer.add(frame)
@@ -512,7 +514,7 @@ def with_readout(rig: Rig, readout: float) -> Rig:
 
 
 class _LiveFrames(Sequence[Frame]):
-    """Frames that are taken when they are asked for, in order."""
+    """Frames that are taken in order, each when it is asked for."""
 
     def __init__(self, make: _Pictures, times: list[float], seed: int):
         self._make, self.times, self._seed = make, times, seed
@@ -521,7 +523,7 @@ class _LiveFrames(Sequence[Frame]):
         return len(self.times)
 
     def __iter__(self) -> Iterator[Frame]:
-        make = copy.copy(self._make)  # exposures, noise and drift of this time alone
+        make = copy.copy(self._make)  # so that exposures, noise and drift belong to this iteration alone
         make.noise = np.random.default_rng([self._seed, 1])
         for index, time in enumerate(self.times):
             yield make.frame(index, time)
@@ -558,7 +560,7 @@ class _Pictures:
         up = texel_directions(32)[..., 2]
         brightness = middle.faces.mean(axis=-1)
         table, place_mean = brightness[up < -0.5].mean(), brightness[up > 0].mean()
-        # A dark place still gives finite exposures.
+        # Exposures stay finite even in a dark place.
         self.back_exposure = float(_TABLE_LEVEL / max(table, 1e-9))
         self.front_exposure = float(_FRONT_LEVEL / max(place_mean, 1e-9))
         self._metered, self._last_front = 1.0, self.front_exposure
@@ -573,7 +575,7 @@ class _Pictures:
         frame = Frame(time, back_exposure=exposure)
         if self.gyro is not None:
             frame.attitude = self._attitude(index, time, self.gyro)
-        lasts = self.timing.exposure_time * min(share, 1.0)  # beyond, cameras amplify
+        lasts = self.timing.exposure_time * min(share, 1.0)  # beyond that, cameras amplify
         frame.back = self._take(self.back, self.pose_at, time, exposure, lasts)
         if self.auto_exposure:
             self._metered = self._after(frame.back, share)
@@ -604,11 +606,12 @@ class _Pictures:
         return rotation @ self._off
 
     def _after(self, picture: NDArray[np.uint8], share: float) -> float:
-        """The back camera's next exposure, by the table's, after a picture of `share` of that."""
+        """The back camera's next exposure, as a multiple of the table's, after a picture that had `share` times the
+        table's."""
         brightest = picture[::4, ::4].max(axis=-1).astype(np.float32) / 255
         level = float(np.quantile(self.rig.back.response.decode(brightest), _METERED_SHARE))
         least, most = _METERED_STEPS
-        # Of what is clipped nobody knows how bright it is.
+        # Where pixels are clipped, nobody knows how bright they are.
         step = np.clip(_METERED_LEVEL / max(level, 1e-3), least, most) if level < 0.97 else least
         return float(min(share * step, _METERED_MOST))
 
@@ -621,7 +624,7 @@ class _Pictures:
         exposure_time: float,
         hand: _Hand | None = None,
     ) -> NDArray[np.uint8]:
-        """The picture stamped `time`. pose_at: camera_from_marker."""
+        """Takes the picture stamped `time`. pose_at: camera_from_marker at a time."""
         begin = time + self.timing.clock_offset
         parts = []
         for band in bands(eye.camera, pose_at, begin, exposure_time):

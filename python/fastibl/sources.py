@@ -26,9 +26,9 @@ from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-_WAIT = 0.1  # seconds between looks at whether the source was closed
-_EVEN = 0.9  # share of the steps between pictures' numbers that are the same where numbers tell times
-_ENDED = 3600.0  # seconds without any picture after which nobody waits any more
+_WAIT = 0.1  # seconds between checks whether the source was closed
+_EVEN = 0.9  # least share of equal steps between pictures' numbers, for the numbers to count as times
+_ENDED = 3600.0  # seconds without any picture after which waiting ends
 
 
 class Source(Protocol):
@@ -73,7 +73,7 @@ class CameraSource(_Closing):
     Other options are those of LiveCamera.
     """
 
-    live = True  # its times go on when it is iterated again
+    live = True  # its times continue when it is iterated again
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class CameraSource(_Closing):
         self._closed = False
         self._news = threading.Condition()
         self._told: set[str] = set()
-        self.refused = 0  # pictures of another size than the rig's
+        self.refused = 0  # pictures whose size is not the rig's
         self.cameras = {
             name: LiveCamera(
                 device,
@@ -136,7 +136,7 @@ class CameraSource(_Closing):
                 continue
             quiet = time.monotonic()
             for group in _moments(shots, self._together):
-                # A picture that took long to decode comes after a later one: what counts is the order.
+                # A picture that took long to decode may come after a later one: the order of coming counts.
                 last = max(last, max(shot.time for shot in group.values()))
                 yield _frame(last, group)
 
@@ -145,7 +145,7 @@ class CameraSource(_Closing):
         return all(camera.ended for camera in self.cameras.values())
 
     def _newest(self) -> dict[str, Shot]:
-        """New pictures; a second camera gets the time that makes a pair."""
+        """The new pictures; waits a while for a second camera, whose picture makes a pair."""
         cameras = self.cameras.values()
         with self._news:
             self._news.wait_for(lambda: self._closed or self._ended or any(c.has_news for c in cameras), _WAIT)
@@ -158,7 +158,7 @@ class CameraSource(_Closing):
                 continue
             schedule = self._schedules.get(name)
             if schedule is not None and camera.settable:
-                if shot.exposure is None:  # still on its way to the one that was set
+                if shot.exposure is None:  # still on its way to the exposure that was set
                     continue
                 if shot.setting == camera.settings:
                     camera.set_exposure(schedule(shot.exposure))
@@ -178,7 +178,7 @@ class CameraSource(_Closing):
 
 
 def _moments(shots: dict[str, Shot], together: float) -> list[dict[str, Shot]]:
-    """Pictures in order of time, those of one moment together."""
+    """The pictures in order of time; those of one moment are together."""
     ordered = sorted(shots.items(), key=lambda item: item[1].time)
     if len(ordered) == 2 and ordered[1][1].time - ordered[0][1].time > together:
         return [dict([item]) for item in ordered]
@@ -325,17 +325,17 @@ class FolderSource(_Closing):
 
 
 def _by_number(path: Path) -> list[tuple[str, int]]:
-    """For sorting: shot2.png comes before shot10.png."""
+    """A key for sorting: shot2.png comes before shot10.png."""
     return [(text, int(number or -1)) for text, number in re.findall(r"(\D*)(\d*)", path.name)]
 
 
 def _last_number(path: Path) -> int:
-    """-1 where there is none."""
+    """-1 where there is no number."""
     return int((re.findall(r"\d+", path.stem) or ["-1"])[-1])
 
 
 def _by_place(files: dict[str, list[Path]]) -> dict[str, dict[int, Path]]:
-    """Pictures by their place in time, counted in pictures from the first one on: see FolderSource."""
+    """The pictures by their place in time, counted in pictures from the first one: see FolderSource."""
     numbers = {name: [_last_number(path) for path in paths] for name, paths in files.items()}
     several = list(numbers.values())
     shared = set(several[0]).intersection(*several)
@@ -346,7 +346,7 @@ def _by_place(files: dict[str, list[Path]]) -> dict[str, dict[int, Path]]:
     steps = np.diff(every)
     step = int(np.median(steps)) if len(steps) else 1
     even = len(steps) > 0 and (steps == step).mean() >= _EVEN and not (steps % step).any()
-    even = even and every[-1] - every[0] < 2 * step * len(every)  # what was lost is less than what is there
+    even = even and every[-1] - every[0] < 2 * step * len(every)  # fewer pictures were lost than are there
     place = {n: (n - every[0]) // step if even else k for k, n in enumerate(every)}
     return {name: {place[n]: path for n, path in zip(numbers[name], files[name], strict=True)} for name in files}
 

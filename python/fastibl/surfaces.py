@@ -61,7 +61,7 @@ class Texture:
     wrap: tuple[str, str] = ("repeat", "repeat")
     lie: Lie = Lie()
     srgb: bool = False
-    channel: int | None = None  # that is read; None for all three
+    channel: int | None = None  # the channel that is read; None for all three
     factor: tuple[float, ...] | float = 1.0
 
     @property
@@ -118,7 +118,7 @@ class Surface:
     def material(self) -> Material:
         """Raises ValueError for more values of textures than those of two pictures of `MOST_PIXELS`."""
         count, most = sum(t.pixels.size for t in self.textures), 2 * 3 * MOST_PIXELS
-        if count > most:  # each may be the same picture
+        if count > most:  # several textures may use the same picture
             raise ValueError(f"its material's textures have {count} values together; there may be {most}")
         base_color, metallic, roughness, normal, emission = (
             m.values() if isinstance(m, Texture) else m
@@ -142,7 +142,7 @@ class Part:
     sets: dict[int, NDArray]
     material: int
     uvs: NDArray | None = None
-    tangents: NDArray | None = None  # (n, 4) of the file's own
+    tangents: NDArray | None = None  # (n, 4) as the file gives them
     colors: NDArray | None = None  # (n, 3) linear
 
     @property
@@ -171,14 +171,15 @@ def alike(parts: list[Part], surfaces: dict[int, Surface]) -> dict[int, Surface]
 
 
 def _scaled_bumps(normals: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
-    """An encoded normal map (h, w, 3) whose x and y were multiplied by a normalScale."""
+    """An encoded normal map (h, w, 3) whose x and y are multiplied by a normalScale."""
     normals = (normals * 2 - 1) * np.asarray([scale, scale, 1], np.float32)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
     return normals * 0.5 + 0.5
 
 
 def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, set[str]]:
-    """One material for all, and which sizes of textures were shrunk; the uvs of the parts are moved to its textures."""
+    """One material for all surfaces, and the sizes of the textures that were shrunk; moves the uvs of the parts to the
+    material's textures."""
     if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
         raise ValueError("its materials differ in anisotropy")
     atlas = packed([s.size for s in surfaces.values()])
@@ -199,11 +200,11 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
 
     def laid(name: str, channels: int, missing: Any = None) -> NDArray[np.float32]:
         sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
-        owners: dict[Any, list[int]] = {}  # of what is decoded once, and one at a time
+        owners: dict[Any, list[int]] = {}  # materials by the picture they share: each is decoded once, one at a time
         for m, surface in surfaces.items():
             value = getattr(surface, name)
             value = value.bare if isinstance(value, Texture) else missing if value is None else value
-            # Each its own normal_scale: into the picture.
+            # Each material has its own normal_scale, which goes into the picture.
             owners.setdefault((value, surface.normal_scale if name == "normal" else None), []).append(m)
         for (value, scale), materials in owners.items():
             shown = value.values() if isinstance(value, Texture) else np.float32(value)
@@ -212,7 +213,7 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
             shown = shown.reshape(*shown.shape[:2], channels)
             if scale is not None:
                 shown = _scaled_bumps(shown, scale)
-            filled: dict[Any, NDArray[np.float32]] = {}  # cells of one size hold the same
+            filled: dict[Any, NDArray[np.float32]] = {}  # cells of the same size hold the same texels
             for m in materials:
                 cell, wrap = where[m], surfaces[m].wrap
                 key = replace(cell, x=0, y=0), wrap
@@ -239,7 +240,7 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
 
 
 def mesh_of(parts: list[Part]) -> Mesh:
-    # Flat triangles define no normal; any will do.
+    # Triangles without area define no normal; any will do.
     normals = np.concatenate([p.normals for p in parts])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)

@@ -27,7 +27,8 @@ def encode_rgba16f(faces: NDArray[np.float32]) -> bytes:
 
 
 def _r11g11b10f(packed: NDArray[np.uint32]) -> NDArray[np.float32]:
-    # Unsigned floats with a half's exponent: their bits are a half's without its sign and last mantissa bits.
+    # Unsigned floats with a half's exponent: their bits are those of a half without its sign and its last mantissa
+    # bits.
     halves = np.stack([(packed & 0x7FF) << 4, (packed >> 11 & 0x7FF) << 4, (packed >> 22) << 5], axis=-1)
     return halves.astype("<u2").view("<f2").astype(np.float32)
 

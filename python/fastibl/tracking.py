@@ -42,13 +42,13 @@ def find_tags(
     grey: NDArray[np.uint8], family: str = "APRILTAG_36h11", border_bits: int = 1, subpixel: bool = True
 ) -> list[tuple[int, NDArray[np.float64]]]:
     """Finds the tags in a grey picture, in the form of detect(). family: name of one of OpenCV's dictionaries."""
-    import cv2  # heavy, and not needed to import fastibl
+    import cv2  # slow to import, and not needed to import fastibl
 
     parameters = cv2.aruco.DetectorParameters()
     parameters.markerBorderBits = border_bits
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX if subpixel else cv2.aruco.CORNER_REFINE_NONE
-    # Later versions shrink the refinement window to 0.3 of a module, which leaves the corners of small tags
-    # at whole pixels; 3 px whatever the module did best of those tried, and is the same in all versions.
+    # Later versions of OpenCV shrink the refinement window to 0.3 of a module, which leaves the corners of small tags
+    # at whole pixels. 3 px for modules of any size did best of the windows tried, and is the same in all versions.
     parameters.cornerRefinementWinSize = 3
     if hasattr(parameters, "relativeCornerRefinmentWinSize"):  # (sic)
         parameters.relativeCornerRefinmentWinSize = 100.0
@@ -56,7 +56,7 @@ def find_tags(
     quads, ids, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
     if ids is None:
         return []
-    # OpenCV counts from the centre of the upper left pixel, fastibl from its corner.
+    # OpenCV counts from the centre of the upper left pixel, fastibl from that pixel's corner.
     return [(int(i), quad[0].astype(np.float64) + 0.5) for i, quad in zip(np.ravel(ids), quads, strict=True)]
 
 
@@ -74,7 +74,7 @@ def _start(tags, board: Board, camera: Camera) -> Pose | None:
         found, rotation, translation = cv2.solvePnP(
             points, pixels, camera.opencv_matrix, lens, flags=cv2.SOLVEPNP_SQPNP
         )
-    except cv2.error:  # degenerate points; the tracker has starts of its own
+    except cv2.error:  # degenerate points; the tracker finds starts of its own
         return None
     if not found or not np.isfinite(rotation).all() or not np.isfinite(translation).all():
         return None
@@ -132,7 +132,7 @@ class Tracker:
         that runs backwards, TypeError for another dtype.
         """
         if self._edges is not None:
-            with self._lock:  # one picture after the other, whatever the threads
+            with self._lock:  # pictures are tracked one after the other, whichever threads ask
                 return self._edges.track(image, time, detect, turn, gravity)
         if time is not None:
             if not (math.isfinite(time) and time >= self._time):

@@ -29,8 +29,8 @@ from .expected import present
 from .recording import Recording, truth_of
 
 _DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
-_SPLIT = 4  # rays a pixel and axis, for coverage; light is worked out once a quarter, or once where they are alike
-_ALIKE = 0.9995  # cosine between the normals of a pixel up to which one place stands for all four quarters
+_SPLIT = 4  # rays per pixel and axis, for coverage; light is computed once a quarter, or once where all are alike
+_ALIKE = 0.9995  # cosine between a pixel's normals above which one place stands for all four quarters
 
 
 @dataclass
@@ -75,9 +75,9 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
 
 @dataclass
 class _Seen:
-    """What a camera sees of the object, place by place: pixel (n,), its number in the picture, part (n,) of it; start
-    (n, 3) of rays; hidden: packed bits (n, directions / 8). tangent (n, 4) and uv (n, 2) may be None. colour: the
-    mesh's, (n, 3), or 1."""
+    """What a camera sees of the object, place by place. pixel (n,): number of the pixel in the picture; part (n,):
+    share of it that the place covers; start (n, 3): where rays start; hidden: packed bits (n, directions / 8). tangent
+    (n, 4) and uv (n, 2) may be None. colour: the mesh's, (n, 3), or 1."""
 
     pixel: NDArray
     part: NDArray
@@ -155,7 +155,7 @@ def transmitted(a: NDArray, c: NDArray) -> NDArray:
 
 
 def _coarse(count: int) -> NDArray:
-    """Of the texels of a map, those of the coarser one that visibility is known for."""
+    """For each texel of a map, the number of the texel of the coarser map for which visibility is known."""
     n = round((count / 6) ** 0.5)
     k = np.arange(n) * _DIRECTIONS // n
     return (np.arange(6)[:, None, None] * _DIRECTIONS**2 + k[:, None] * _DIRECTIONS + k).reshape(-1)
@@ -180,7 +180,7 @@ class TrueRenderer:
         directions, _, _ = reference.samples(np.zeros((6, _DIRECTIONS, _DIRECTIONS, 3)))
         self.directions = directions.astype(np.float32)
         vertices, normals = scene.mesh.vertices, scene.mesh.normals
-        self._lift = 2e-4 * float(np.ptp(vertices, axis=0).max())  # of rays' starts, off the surface
+        self._lift = 2e-4 * float(np.ptp(vertices, axis=0).max())  # how far rays start off the surface
         self.hidden_at_vertex = self._hidden(vertices + self._lift * normals, normals)
         axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * extent
         x, y = np.meshgrid(axis, axis)
@@ -192,12 +192,12 @@ class TrueRenderer:
         self._points = points.astype(np.float32)
         self._seen: tuple[NDArray, NDArray, NDArray] | None = None
         self._view: tuple[Camera, Pose, _Seen] | None = None
-        self._ratio: tuple[CubeMap | Environment, NDArray] | None = None  # of the last map
+        self._ratio: tuple[CubeMap | Environment, NDArray] | None = None  # for the last map
 
     def _hidden(self, points: NDArray, normals: NDArray) -> NDArray[np.uint8]:
         """Whether the object hides each direction from each point: packed bits (points, directions / 8).
 
-        Directions below a point's horizon do not count and are not asked for.
+        Directions below a point's horizon do not count and are not tested.
         """
         out = np.empty((len(points), len(self.directions) // 8), np.uint8)
         for i, (point, normal) in enumerate(zip(points.astype(np.float32), normals.astype(np.float32), strict=True)):
@@ -214,7 +214,7 @@ class TrueRenderer:
     def _irradiance(
         self, source: CubeMap | Environment, points: NDArray, normals: NDArray, hidden: NDArray[np.uint8]
     ) -> NDArray:
-        """Irradiance (n, 3) with what the object hides of the map taken away."""
+        """Irradiance (n, 3) without the part of the map that the object hides."""
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
         normals = normals.astype(np.float64)
         flux, out = radiance * angle[:, None], np.empty((len(normals), 3))
@@ -245,7 +245,8 @@ class TrueRenderer:
         return out
 
     def _seen_from_plane(self) -> tuple[NDArray, NDArray, NDArray]:
-        """What plane points see of the object: point (k,), vertices (k, 3) and their parts of the form factor."""
+        """What points of the plane see of the object: point (k,), vertices (k, 3) and their shares of the form
+        factor."""
         if self._seen is not None:
             return self._seen
         _, angle, _ = reference.samples(np.zeros((6, _DIRECTIONS, _DIRECTIONS, 3)))
@@ -319,7 +320,8 @@ class TrueRenderer:
         return float(np.sqrt(((shadow.sample(self.plane_points) - true_ratio)[where] ** 2).mean()))
 
     def _glossy(self, source: CubeMap | Environment, seen: _Seen, exponent: float) -> NDArray:
-        """Average of the map under the lobe (n.h)^s max(n.w, 0), over its texels, what the object hides dark (n, 3)."""
+        """The average (n, 3) of the map under the lobe (n.h)^s max(n.w, 0), summed over its texels; what the object
+        hides is dark."""
         d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS if exponent < 150 else 64))
         d32, light, of = d.astype(np.float32), radiance.astype(np.float32), _coarse(len(d))
         out = np.empty((len(seen.normal), 3))
@@ -333,10 +335,10 @@ class TrueRenderer:
         return out
 
     def _pbr(self, source: CubeMap | Environment, p: PbrSurface, views: NDArray, light: NDArray, hidden: NDArray):
-        """Colour (n, 3) of glTF's model. light: irradiance (n, 3), by the mapped normals; hidden: as of _Seen.
+        """The colour (n, 3) of glTF's model. light: irradiance (n, 3) for the mapped normals; hidden: as in _Seen.
 
-        The Fresnel term is integrated with the lobe, over the texels of the map; what scatters more than once has the
-        lobe's average colour.
+        The Fresnel term is integrated together with the lobe, over the texels of the map. Light that scatters more than
+        once has the lobe's average colour.
         """
         sharp = p.alpha.min() < 0.15
         d, angle, radiance = reference.samples(level_at_most(source, 64 if sharp else _DIRECTIONS))
@@ -378,7 +380,7 @@ class TrueRenderer:
         return out
 
     def _seen_by(self, camera: Camera, back_from_marker: Pose) -> _Seen:
-        """Kept for the last camera and pose: of every map the same."""
+        """Keeps what the last camera and pose saw, because it is the same for every map."""
         if self._view is not None and self._view[:2] == (camera, back_from_marker):
             return self._view[2]
         seen = self._look(camera, back_from_marker)
@@ -389,7 +391,7 @@ class TrueRenderer:
         mesh, s = self.scene.mesh, _SPLIT
         marker_from_back = back_from_marker.inverse()
         eye = marker_from_back.translation
-        # The part of the picture that the vertices are around; all of it where one cannot be told.
+        # The part of the picture around the vertices; the whole picture where a vertex has no place in it.
         corners = camera.project(back_from_marker @ mesh.vertices.astype(np.float64))
         x0, y0, x1, y1 = 0, 0, camera.width, camera.height
         if np.isfinite(corners).all():
@@ -416,7 +418,7 @@ class TrueRenderer:
         met = by_quarter(triangle >= 0)
         count = met.sum(axis=2)
         pixel, quarter = np.nonzero(count)
-        # The middle of the rays of a quarter that meet the object; where it misses, one of them.
+        # Looks along the middle of a quarter's rays that meet the object; where that misses, along one of these rays.
         rank = np.cumsum(met, axis=2)[pixel, quarter]
         at = number[pixel, quarter, (rank > (count[pixel, quarter][:, None] - 1) // 2).argmax(axis=1)]
         triangle, uv = triangle[at], uv[at]
@@ -438,8 +440,8 @@ class TrueRenderer:
         a, b, c = (mesh.vertices[corner[:, k]].astype(np.float64) for k in range(3))
         side = np.where((np.cross(b - a, c - a) * (eye - position)).sum(axis=1) < 0, -1.0, 1.0)[:, None]
         normal = unit(of(mesh.normals)) * side
-        # Rays start on the round surface that the normals are of, not on flat triangles that their own neighbours hide:
-        # Hanika 2021, Hacking the Shadow Terminator.
+        # Rays start on the round surface that the normals describe. Flat triangles would be hidden by their own
+        # neighbours: Hanika 2021, Hacking the Shadow Terminator.
         around = np.asarray(mesh.normals, np.float64)[corner] * side[:, None]
         below = np.minimum(((position[:, None] - np.stack([a, b, c], axis=1)) * around).sum(axis=2, keepdims=True), 0)
         start = position - (weights * below * around).sum(axis=1)
@@ -449,7 +451,7 @@ class TrueRenderer:
         colour = 1.0 if mesh.colors is None else of(mesh.colors)
         part = count[pixel, quarter] / s**2
         pixel = (pixel // max(w, 1) + y0) * camera.width + pixel % max(w, 1) + x0
-        if not textured and len(pixel):  # one place for all four quarters, where they are whole and alike
+        if not textured and len(pixel):  # one place stands for four quarters that are whole and alike
             of_pixel = np.unique(pixel, return_inverse=True)[1]
             first = np.unique(pixel, return_index=True)[1]
             near = (normal * normal[first][of_pixel]).sum(axis=1) > _ALIKE
@@ -461,10 +463,10 @@ class TrueRenderer:
                 sums = np.stack([np.bincount(of_pixel, v[:, k]) for k in range(3)], axis=1)
                 return np.concatenate([v[alone], sums[whole] / 4])
 
-            # Not below the surface, which is round between the four.
+            # The start must not lie below the surface, which is round between the four places.
             middle, up = means(start), unit(means(normal))
             above = np.zeros(len(up))
-            behind = np.empty(len(of_pixel), int)  # place of each of the four
+            behind = np.empty(len(of_pixel), int)  # the new place of each old one
             behind[alone] = np.arange(alone.sum())
             behind[~alone] = (np.cumsum(alike) - 1 + alone.sum())[of_pixel[~alone]]
             np.maximum.at(above, behind, ((start - middle[behind]) * up[behind]).sum(axis=1))
@@ -504,7 +506,7 @@ class TrueRenderer:
                 flat[:, c] = np.bincount(seen.pixel, colour[:, c] * seen.part, h * w)
             flat[:, 3] = np.bincount(seen.pixel, seen.part, h * w)
         layer = flat.reshape(h, w, 4)
-        # Ratio at the plane point of each pixel, bilinear on the grid, 1 outside.
+        # The ratio at the plane point of each pixel, bilinear on the grid, 1 outside it.
         x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
         ray = camera.unproject(np.stack([x, y], axis=-1))
         ray = ray @ marker_from_back.rotation.T

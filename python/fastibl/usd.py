@@ -16,12 +16,13 @@ from .environment_files import write_equirect
 from .pictures import LINEAR
 from .whole_file import write_whole
 
-# A dome's own frame has its pole along +y, whatever is up in the stage, and its picture is as OpenEXR has it: longitude
-# 0, in the middle, is +z, and +x is to the left of it. Rows give a direction in the frame of our equirectangular
-# pictures (z up, middle along +y, +x to the right) from one in the dome's.
+# A dome's own frame has its pole along +y, whichever axis is up in the stage. Its picture follows OpenEXR: longitude 0,
+# in the middle, is +z, and +x is to the left of it. The matrix takes a direction in the dome's frame to the frame of
+# our equirectangular pictures (z up, middle along +y, +x to the right).
 _PICTURE_FROM_DOME = np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
 _UP = {"gltf": "Y", "marker": "Z"}
-# The dome's frame from the stage's: what UsdLuxDomeLight.OrientToStageUpAxis adds to a stage with z up turns y to z.
+# Takes the stage's frame to the dome's. In a stage with z up, UsdLuxDomeLight.OrientToStageUpAxis adds a rotation that
+# turns y to z.
 _DOME_FROM_STAGE = {"gltf": np.eye(3, dtype=int), "marker": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])}
 _TO_Z_UP = """
         double xformOp:rotateX:orientToStageUpAxis = 90
@@ -46,7 +47,7 @@ def write_usd(
         raise ValueError(f"{path} must end in .usda")
     if f".{format}" not in LINEAR:
         raise ValueError(f'format must be "hdr" or "exr", got {format!r}')
-    stage_from_marker = matrix(axes)  # which knows their names
+    stage_from_marker = matrix(axes)  # raises ValueError for unknown names
     picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE[axes] @ stage_from_marker
     radiance = radiance_of(cube)
     picture = path.with_name(f"{path.stem}_dome.{format}")

@@ -14,7 +14,7 @@ from .whole_file import whole_file
 
 _MILLISECOND = Fraction(1, 1000)
 _BT709, _LIMITED = 1, 1  # ITU-T H.273; AVCOL_RANGE_MPEG
-# VP9 as fast as it goes: fourteen times faster than OpenCV's writer, which takes no options.
+# VP9 at its fastest: fourteen times faster than OpenCV's writer, which takes no options.
 _OPTIONS = {"deadline": "realtime", "cpu-used": "8", "row-mt": "1", "crf": "30", "b": "0"}
 
 
@@ -71,7 +71,7 @@ class VideoWriter:
         self._container.mux(self._stream.encode(frame))
 
     def _shown_at(self, time: float | None) -> int:
-        """Milliseconds, as WebM counts them."""
+        """The frame's time in milliseconds, the unit of WebM."""
         at = float(self._count * self._period) if time is None else 1000 * time
         if self._first is None:
             self._first = at
@@ -79,7 +79,7 @@ class VideoWriter:
         return self._last
 
     def close(self) -> None:
-        if not self._shape:  # nothing was written, and no file is made of it
+        if not self._shape:  # nothing was written, so no file is made
             with suppress(_NoPictures), self._whole:
                 raise _NoPictures
             return

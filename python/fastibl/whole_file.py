@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _WRITTEN = itertools.count()
-_STEM = 40  # characters: names may be as long as the file system lets them be
+_STEM = 40  # characters of the name that are kept: a name as long as the file system allows has no room for an ending
 
 
 @contextmanager
