@@ -14,21 +14,20 @@ from .bundle import FLATTEN, most_bend, smooth_bend
 from .corners import Seen, find_corners, size_of, what_is_seen
 
 _LEAST_PICTURES = 5
-_MOST_SCALE = 1.1  # of a printed board against what it was said to be; "fit to page" is 3 to 6 % off
-_MOST_DEVIATION = 0.001  # of the board's size: of a corner's place
+_MOST_SCALE = 1.1  # largest scale of a print against its stated size; "fit to page" is 3 to 6 % off
+_MOST_DEVIATION = 0.001  # largest deviation of a corner's place, as a share of the board's size
 
 
 @dataclass(frozen=True)
 class BoardCalibration:
     """A board, and how well it is known.
 
-    board: Board with its tags where they were found; its overall size is the one it was said to have, or follows
-    `measured`.
+    board: Board with its tags where they were found. Its overall size is the stated one, or follows from `measured`.
     stretch: its height relative to its width (1.002: printed 0.2 % too high).
     flatness: (tags, 4) metres by which corners lie above the mean plane; deviation: standard deviation of a corner's
     place, metres.
     residual: RMS of corners in pictures, pixels.
-    scale: size of the board relative to what it was said to be.
+    scale: size of the board relative to its stated size.
     """
 
     board: Board
@@ -97,7 +96,7 @@ def calibrate_board(
     found, residual, deviation = _release(whole, ids, camera)
     found = _aligned(found.reshape(-1, 3), nominal.reshape(-1, 2)).reshape(nominal.shape[0], 4, 3)
     across, up = _extent(found, nominal)
-    scale = 1 / across  # as wide as it is said to be
+    scale = 1 / across  # as wide as it is stated to be
     if measured is not None:
         a, b = (found[ids.index(i)].mean(axis=0) for i in measured[:2])
         scale = measured[2] / float(np.linalg.norm(a - b))
@@ -122,13 +121,13 @@ def calibrate_board(
 
 
 def _release(whole: Sequence[Seen], ids: Sequence[int], camera: Camera) -> tuple[NDArray[np.float64], float, float]:
-    """Corners (tags, 4, 3), the residual, and the standard deviation of their places."""
+    """The corners (tags, 4, 3), the residual, and the standard deviation of the corners' places."""
     import cv2
 
     order = [[s.ids.index(i) for i in ids] for s in whole]
     points = [s.points().reshape(-1, 4, 3)[o].reshape(-1, 3) for s, o in zip(whole, order, strict=True)]
     pixels = [s.opencv_pixels().reshape(-1, 4, 2)[o].reshape(-1, 2) for s, o in zip(whole, order, strict=True)]
-    # A point of the board that is held, far from the first: the farther, the better conditioned.
+    # A second point of the board that is held fixed, far from the first: the farther, the better conditioned.
     fixed = int(np.argmax(np.abs(points[0] - points[0][0]).sum(axis=1)))
     residual, *_, found, _, _, deviations, _ = cv2.calibrateCameraROExtended(
         points,
@@ -137,14 +136,14 @@ def _release(whole: Sequence[Seen], ids: Sequence[int], camera: Camera) -> tuple
         fixed,
         camera.opencv_matrix.copy(),
         np.array([*camera.distortion, *5 * [0.0]][:5], np.float64),
-        # Version 5 counts parameters wrongly where it eliminates the poses.
+        # OpenCV 5 counts parameters wrongly where it eliminates the poses.
         flags=cv2.CALIB_USE_INTRINSIC_GUESS | getattr(cv2, "CALIB_DISABLE_SCHUR_COMPLEMENT", 0),
     )
     return np.asarray(found, np.float64).reshape(-1, 4, 3), float(residual), float(np.median(np.ravel(deviations)))
 
 
 def _aligned(found: NDArray, nominal: NDArray) -> NDArray[np.float64]:
-    """Moved, turned and scaled as a whole onto the nominal plane (Umeyama 1991)."""
+    """The corners found, moved, turned and scaled as a whole onto the nominal plane (Umeyama 1991)."""
     to = np.pad(nominal, ((0, 0), (0, 1)))
     a, b = found - found.mean(axis=0), to - to.mean(axis=0)
     u, s, vt = np.linalg.svd(b.T @ a)
@@ -154,7 +153,7 @@ def _aligned(found: NDArray, nominal: NDArray) -> NDArray[np.float64]:
 
 
 def _extent(found: NDArray, nominal: NDArray) -> tuple[float, float]:
-    """Found against nominal size, across and up."""
+    """The size found relative to the nominal size, across and up."""
     f, n = found.reshape(-1, 3)[:, :2], nominal.reshape(-1, 2)
     f, n = f - f.mean(axis=0), n - n.mean(axis=0)
     return tuple(((f * n).sum(axis=0) / (n * n).sum(axis=0)).tolist())  # type: ignore[return-value]

@@ -9,8 +9,8 @@ from .._fastibl import Board, Camera, Pose
 from .corners import find_corners
 
 _LEAST_TAGS = 3
-_LEAST_COSINE = 0.2  # between a corner's ray and the middle of all: a plane shows less than a half space
-_MOST_OFF = 2.0  # pixels, median: beyond, it is another board, or not the camera's lens
+_LEAST_COSINE = 0.2  # between a corner's ray and the middle of all rays: a plane covers less than a half space
+_MOST_OFF = 2.0  # pixels, median: beyond this, it is another board, or not the camera's lens
 
 
 def board_pose(picture: ArrayLike, board: Board, camera: Camera) -> Pose | None:
@@ -30,11 +30,12 @@ def board_pose(picture: ArrayLike, board: Board, camera: Camera) -> Pose | None:
     if pose is None:
         return None
     off = np.linalg.norm(np.asarray(camera.project(pose @ on_board)) - pixels, axis=1)
-    return pose if np.median(off) <= _MOST_OFF else None  # NaN, which no picture shows, is none
+    return pose if np.median(off) <= _MOST_OFF else None  # NaN, for a place that no picture shows, gives None, too
 
 
 def _by_rays(points: NDArray[np.float64], rays: NDArray[np.float64]) -> Pose | None:
-    """SQPnP, refined, in a perspective picture that looks along the middle of the rays. points, rays: (n, 3)."""
+    """The pose by SQPnP, refined, in a perspective picture that looks along the middle of the rays. points, rays: (n,
+    3)."""
     import cv2
 
     ahead = rays.mean(axis=0)

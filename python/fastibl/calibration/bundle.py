@@ -1,5 +1,5 @@
 """Bundle adjustment of a lens, of the board's poses, and of what else pictures may tell: how the print departs from the
-stated board, and how the camera moved while a rolling shutter took its rows."""
+stated board, and how the camera moved while a rolling shutter read its rows."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ from .corners import Seen
 
 _POWERS = tuple((i, n - i) for n in (2, 3, 4) for i in range(n + 1))  # of x and y in the height: none is a plane's
 _ROUNDS, _ROUNDS_OF_MOTION = 4, 6
-# What motion leaves is alike in all corners of a picture: errors are up to so many deviations by independent ones.
+# Errors that unmodelled motion leaves are alike in all corners of a picture, so they may reach this many of the
+# deviations that independent errors would give.
 _ALIKE = 4.0
-_GAP = 0.15  # seconds: pictures further apart tell no motion
+_GAP = 0.15  # seconds: pictures further apart tell nothing about motion
 _SURE = 20.0  # mean square of what is found in its deviations, 1 for independent noise; flat prints give up to 5
-# Of a hand, about and along each axis while all rows are taken: radians and metres, 0.7 rad/s and 0.25 m/s for 30 ms.
+# Motion of a hand about and along each axis while all rows are read: radians and metres, 0.7 rad/s and 0.25 m/s for 30
+# ms.
 _HAND = np.repeat([0.021, 0.0075], 3)
 FLATTEN = "fix it to something flat, as glass or a board, and take the pictures again"
-_MOST = 0.001  # of the board's size: what a print may bend, or its sides differ, without a warning
+_MOST = 0.001  # share of the board's size by which a print may bend, or its sides differ, without a warning
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,9 @@ class Bundle:
     lens: as OpenCV has it, in the order of CameraCalibration.deviations, and its standard deviations; poses:
     camera_from_marker of each picture, for its middle row; residual: RMS of corners, pixels.
     bend: metres between the print's highest and lowest corner above the mean plane; stretch: its height relative to its
-    width (1.002: 0.2 % too high); bent: whether pictures can tell these from a flat print of the stated size.
-    moved: pixels by which corners move from the first to the last row, the median of the pictures; 0 where rows were
-    assumed to be taken at once.
+    width (1.002: 0.2 % too high); bent: whether the pictures can tell these from a flat print of the stated size.
+    moved: pixels by which corners move from the first to the last row, the median of the pictures; 0 where all rows
+    were assumed to be read at once.
     readout: seconds from the first to the last row, and its standard deviation, where times tell them.
     squares, freedom: sum of squares of the residuals, pixels squared, and its degrees of freedom; motions: number of
     parameters of the motion.
@@ -53,13 +55,13 @@ class Bundle:
     motions: int
 
     def tells_motion(self, still: Bundle) -> bool:
-        """Whether the pictures can tell their motion from none; `still` is the fit without motion."""
+        """Whether the pictures can tell their motion from rest; `still` is the fit without motion."""
         if not (np.isfinite(self.lens).all() and (self.lens[:2] > 0).all()):
             return False
         return (still.squares - self.squares) * self.freedom > _SURE * self.squares * self.motions
 
     def fault(self, board: Board) -> str | None:
-        """What to do about a print that is too far from flat; None where it is not."""
+        """What to do about a print that is bent or stretched too far; None where it is not."""
         if not self.bent:
             return None
         if self.bend > most_bend(board):
@@ -92,8 +94,8 @@ def smooth_bend(corners: NDArray[np.float64], heights: NDArray[np.float64]) -> f
 
 @dataclass
 class _Print:
-    """corners: (n, 2) metres of all of them; middle, size: metres, of these and half of their extent. shape: what the
-    print departs by: factors of the heights' powers, and of its sides (stretch, shear)."""
+    """corners: (n, 2) metres, all of them; middle, size: their middle and half their extent, metres. shape: how the
+    print departs from the stated board: factors of the heights' powers, and of its sides (stretch, shear)."""
 
     corners: NDArray[np.float64]
     middle: NDArray[np.float64]
@@ -107,16 +109,15 @@ class _Print:
         return _Print(corners, corners.mean(axis=0), size, np.zeros(len(_POWERS) + 2))
 
     def heights(self) -> NDArray[np.float64]:
-        """Metres of all corners."""
+        """The heights of all corners, metres."""
         return _heights((self.corners - self.middle) / self.size) @ self.shape[:-2]
 
 
 @dataclass
 class _View:
-    """One picture. at: (n, 2) corners on the board, from its middle, by its half size; pixels: (n, 2) where they are
-    seen, as OpenCV counts; later: (n,) when, -0.5 to 0.5 of the rows' time. motion: (6,) turn and shift of the board in
-    that time at the middle row; more: what comes to it with the square of `later`.
-    """
+    """One picture. at: (n, 2) corners on the board, from its middle, in units of its half size; pixels: (n, 2) where
+    they are seen, in OpenCV's coordinates; later: (n,) when they are seen, from -0.5 to 0.5 of the rows' time. motion:
+    (6,) turn and shift of the board in that time at the middle row; more: what is added with the square of `later`."""
 
     at: NDArray[np.float64]
     pixels: NDArray[np.float64]
@@ -139,7 +140,8 @@ class _View:
         )
 
     def move(self, step: NDArray) -> None:
-        """step: turn and shift in the camera frame; and, of rows, by how much more they turn and shift."""
+        """step: turn and shift in the camera frame; with a rolling shutter, also what is added to the motion's turn and
+        shift."""
         turn = Pose.from_rotation_vector(step[:3], step[3:6])
         self.rotation, self.translation = turn.rotation @ self.rotation, turn @ self.translation
         if len(step) > 6:
@@ -173,10 +175,10 @@ def adjust(
 
     poses: camera_from_marker of each of `seen`.
     count: number of the lens's parameters that were fitted.
-    bends: whether the print may be bent and stretched; moves: whether each picture's rows may be taken one after the
+    bends: whether the print may be bent and stretched; moves: whether each picture's rows may be read one after the
     other.
     times: seconds of the pictures of a film, each of which has neighbours(): the poses then tell the motion, and the
-    time from the first to the last row is fitted; otherwise each picture has a motion of its own, like that of a hand.
+    time from the first to the last row is fitted. Otherwise each picture has a motion of its own, like that of a hand.
     """
     print_ = _Print.of(board)
     lens = np.array([camera.fx, camera.fy, *_opencv_centre(camera), *camera.distortion], np.float64)
@@ -195,7 +197,7 @@ def adjust(
             shared, by_rows = shared[:, :columns], np.repeat(view.later, 2)[:, None] * own
             if rates is not None:
                 shared = np.column_stack([shared, by_rows @ rates[k][0]])
-            if free and round_ > 0:  # then noise is known
+            if free and round_ > 0:  # the noise is known by then
                 known = np.diag(noise / _HAND)
                 own = np.block([[own, by_rows], [np.zeros((6, 6)), known]])
                 shared = np.vstack([shared, np.zeros((6, shared.shape[1]))])
@@ -221,7 +223,7 @@ def adjust(
     deviations = (_ALIKE if moves else 1) * np.sqrt(np.maximum(np.diag(covariance), 0))
     bent = False
     if bends:
-        parts = slice(count, columns - 2), slice(columns - 2, columns)  # heights, and the sides
+        parts = slice(count, columns - 2), slice(columns - 2, columns)  # the heights, and the sides
         found = print_.shape[:-2], print_.shape[-2:]
         bent = any(_ratio(f, covariance[p, p]) > _SURE for f, p in zip(found, parts, strict=True))
     return Bundle(
@@ -241,7 +243,7 @@ def adjust(
 
 
 def _rates(views: Sequence[_View], times: Sequence[float]) -> list[NDArray]:
-    """Turns and shifts a second, (6,), of each picture: of the parabola through three neighbours' poses."""
+    """Turns and shifts a second, (6,), of each picture, from the parabola through three neighbours' poses."""
     import cv2
 
     rates = []
@@ -259,7 +261,7 @@ def _rates(views: Sequence[_View], times: Sequence[float]) -> list[NDArray]:
 
 
 def _ratio(values: NDArray, covariance: NDArray) -> float:
-    """Mean square of values in their deviations: 1 where they are noise."""
+    """The mean square of values in units of their deviations: 1 where they are noise."""
     return float(values @ np.linalg.pinv(covariance) @ values) / len(values)
 
 
@@ -273,7 +275,7 @@ def _heights(at: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _flow(view: _View, *fit) -> float:
-    """Pixels by which its corners move from the first to the last row."""
+    """Pixels by which the view's corners move from the first to the last row."""
     _, by_pose, _ = _derivatives(view, *fit)
     return float(np.sqrt(2 * np.mean((by_pose @ view.motion) ** 2)))
 
@@ -281,7 +283,8 @@ def _flow(view: _View, *fit) -> float:
 def _derivatives(
     view: _View, print_: _Print, lens: NDArray, model: str, count: int
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Of one picture's corners by lens and shape, and by its pose; and what they are off."""
+    """Derivatives of one picture's corners by lens and shape, and by its pose; and the differences from where they are
+    seen."""
     import cv2
 
     heights, (x, y) = _heights(view.at), view.at.T

@@ -1,4 +1,4 @@
-"""Corners of a board's tags in pictures."""
+"""The corners of a board's tags in pictures."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from ..explain_tracking import explain_tags, seen_tags
 from ..pictures import unit
 from ..tracking import detect
 
-_WHITE = 0.99  # share of a picture's values that are below its white
-_TOLD = 3  # pictures of which an error says what they show: each takes some tenths of a second
+_WHITE = 0.99  # share of a picture's values that lie below its white
+_TOLD = 3  # number of pictures for which an error says what they show: each takes some tenths of a second
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Tags of one picture: ids, and their corners (n, 4, 2) on the board, in metres, and in the picture, in pixels."""
+    """The tags of one picture: ids, and their corners (n, 4, 2) on the board, in metres, and in the picture, in
+    pixels."""
 
     ids: tuple[int, ...]
     on_board: NDArray[np.float64]
@@ -36,9 +37,9 @@ class Seen:
 
 
 def grey_of(picture: ArrayLike, camera: Camera) -> tuple[NDArray[np.uint8], Camera]:
-    """(height, width) uint8, and the camera by whose response it is encoded.
+    """(height, width) uint8, and the camera with the response by which that picture is encoded.
 
-    uint16 pictures are brightened to white and encoded anew: 8 bits of dark or linear ones would show no tags.
+    uint16 pictures are brightened to white and encoded again: 8 bits of a dark or linear picture would show no tags.
     """
     pixels = np.asarray(picture)
     if pixels.dtype != np.uint16:
@@ -52,8 +53,8 @@ def grey_of(picture: ArrayLike, camera: Camera) -> tuple[NDArray[np.uint8], Came
 def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool = True) -> Seen:
     """Finds the tags of the board, with their corners refined in linear light.
 
-    camera: its lens and response; a guess will do where lines are nearly straight, and a better one finds better
-    corners. refine: False keeps corners as detected, some 0.7 pixels off, for a lens that bends lines and of which
+    camera: its lens and response; a guess will do where lines are nearly straight, and a better lens finds better
+    corners. refine: False keeps corners as detected, some 0.7 pixels off, for a lens that bends lines and about which
     nothing is known. Tags that are too small to be refined are left out: one of them is as far off as a hundred others.
     """
     grey, camera = grey_of(picture, camera)
@@ -74,7 +75,7 @@ def find_corners(picture: ArrayLike, board: Board, camera: Camera, refine: bool 
 
 
 def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: Board, camera: Camera) -> str:
-    """What is seen in the first of the pictures that show too little, to end an error: ". In picture 2: ..." or
+    """What is seen in the first pictures that show too little; it ends an error message: ". In picture 2: ..." or
     nothing."""
     said: dict[str, tuple[str, list[int]]] = {}
     for k in left_out[:_TOLD]:
@@ -89,7 +90,7 @@ def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: 
 
 
 def size_of(pictures: Sequence[ArrayLike]) -> tuple[int, int]:
-    """(width, height) that all pictures share; ValueError where they do not, or there are none."""
+    """The (width, height) that all pictures share. Raises ValueError where they differ, or there are none."""
     for number, picture in enumerate(pictures):
         if np.ndim(picture) != 3:
             got = "None" if picture is None else f"shape {np.shape(picture)}"

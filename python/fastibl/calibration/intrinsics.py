@@ -15,18 +15,18 @@ from ..expected import expect
 from .bundle import adjust, neighbours
 from .corners import Seen, find_corners, size_of, what_is_seen
 
-_LEAST_TAGS = 3  # in a picture that counts
+_LEAST_TAGS = 3  # in a picture, for it to count
 _LEAST_PICTURES = 5
-_CELLS = (8, 6)  # that the picture is cut into, to see which parts of the lens were looked through
-_LEAST_CELLS = 0.5  # share of them with corners
-_MOST_DEVIATION = 0.01  # of the focal lengths
+_CELLS = (8, 6)  # cells of the picture, to see which parts of the lens were looked through
+_LEAST_CELLS = 0.5  # share of the cells that must have corners
+_MOST_DEVIATION = 0.01  # share of the focal lengths
 _MOST_RESIDUAL = 2.0  # pixels
-_WORTH = 0.98  # of the residual that three terms more must leave to be told apart from none
+_WORTH = 0.98  # three more terms must reduce the residual to this share of it, or they count as not told
 _TILT = "tilt the board by 30 to 45 degrees to the camera, in different directions"
 _HOLD = "the camera moved while its rows were taken: hold it still, or calibrate by a film"
-_LEAST_TILT = 25  # degrees between the boards of two pictures
+_LEAST_TILT = 25  # degrees between the boards of two pictures, at least
 _NO_FISHEYE = "no fisheye lens fits these pictures: is it one, and do they show the board at all tilts, near and far?"
-_OUTLIER = 6  # times the median residual of pictures: shaken or bent
+_OUTLIER = 6  # times the median residual of the pictures: one beyond this is shaken or bent
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class CameraCalibration:
     """A camera, and how well it is known.
 
     deviations: standard deviation of fx, fy, cx, cy (pixels) and of each distortion coefficient, for corners whose
-    errors are independent; infinite for k4, k5 and k6, which are then 0, where the pictures do not tell them.
+    errors are independent. Where the pictures do not tell k4, k5 and k6, these are 0 with an infinite deviation.
     residual: RMS of corners, pixels.
     pictures: indices of those used.
     poses: camera_from_marker of each.
@@ -44,8 +44,8 @@ class CameraCalibration:
     the median of the pictures; 0 where no motion is to be seen.
     readout: seconds from the first to the last row, and their standard deviation, where times tell it; camera has it,
     too.
-    Where pictures can tell a bent print from a flat one, or a motion from a camera at rest, everything else is from the
-    fit with it, and poses are those of the middle row.
+    Where the pictures can tell a bent print from a flat one, or a motion from a camera at rest, everything else comes
+    from the fit that includes it, and poses are those of the middle row.
     """
 
     camera: Camera
@@ -143,7 +143,7 @@ def _adjusted(
     still, moving = adjust(*known), adjust(*known, moves=True, times=times)
     moves = moving.tells_motion(still)
     if not moves:
-        _check_fit(found, _TILT)  # nothing explains it
+        _check_fit(found, _TILT)  # no motion explains a bad fit
     best = moving if moves else still
     found = replace(found, bend=best.bend, stretch=best.stretch, moved=best.moved)
     fault = best.fault(board)
@@ -181,7 +181,7 @@ def _check_views(seen: Sequence[Seen], size: tuple[int, int]) -> None:
 
 
 def _check_tilts(poses: Sequence[Pose]) -> None:
-    # Of boards that all face the camera, a wrong focal length agrees with a wrong distance.
+    # If all boards face the camera, a wrong focal length agrees with a wrong distance.
     normals = np.array([pose.rotation[:, 2] for pose in poses])
     widest = float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
     if widest < _LEAST_TILT:
@@ -215,13 +215,13 @@ def _solve(
     while True:
         points, pixels = [s.points() for s in seen], [s.opencv_pixels() for s in seen]
         found = cv2.calibrateCameraExtended(points, pixels, size, None, None, flags=flags)
-        if terms == 8:  # from nothing it ends anywhere
+        if terms == 8:  # from a start without a lens, the fit ends anywhere
             more = cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_USE_INTRINSIC_GUESS
             padded = np.pad(np.ravel(found[2])[:5], (0, 3))
             rational = cv2.calibrateCameraExtended(points, pixels, size, found[1].copy(), padded.copy(), flags=more)
             if rational[0] < _WORTH * found[0]:
                 found = rational
-            else:  # numerator and denominator cancel out, and could be anything
+            else:  # numerator and denominator cancel out, and their terms could be anything
                 known = np.concatenate([np.ravel(found[5])[:9], np.full(3, np.inf)])
                 found = (*found[:2], padded, *found[3:5], known, *found[6:])
         residual, K, lens, rotations, translations, deviations, _, by_picture = found
@@ -248,7 +248,7 @@ def _solve_fisheye(
     points = [s.points()[None].astype(np.float64) for s in seen]
     pixels = [s.opencv_pixels()[None].astype(np.float64) for s in seen]
     flags = _flag("CALIB_RECOMPUTE_EXTRINSIC") | _flag("CALIB_FIX_SKEW") | _flag("CALIB_USE_INTRINSIC_GUESS")
-    focal = max(size) / np.pi  # of a circle that sees 180 degrees
+    focal = max(size) / np.pi  # focal length for a circle that sees 180 degrees
     start = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
     try:
         residual, K, lens, rotations, translations = cv2.fisheye.calibrate(
@@ -258,7 +258,7 @@ def _solve_fisheye(
         raise ValueError(f"{_NO_FISHEYE} ({str(error).strip().splitlines()[-1]})") from None
     if not (K[0, 0] > 0 and K[1, 1] > 0 and np.isfinite(K).all() and np.isfinite(lens).all()):
         raise ValueError(f"{_NO_FISHEYE} (the focal lengths come out as {K[0, 0]:.0f} and {K[1, 1]:.0f})")
-    # OpenCV states no deviations of a fisheye: from the derivative of all corners by all parameters.
+    # OpenCV states no deviations for a fisheye: they follow from the derivative of all corners by all parameters.
     blocks = []
     for p, r, t in zip(points, rotations, translations, strict=True):
         _, j = cv2.fisheye.projectPoints(p, r, t, K, lens)
@@ -275,14 +275,15 @@ def _solve_fisheye(
 
 
 def _flag(name: str) -> int:
-    """A flag of cv2.fisheye, which version 5 keeps in cv2."""
+    """A flag of cv2.fisheye, which OpenCV 5 keeps in cv2."""
     import cv2
 
     return int(getattr(cv2.fisheye, name, None) or getattr(cv2, name))
 
 
 def _deviations(blocks: Sequence[tuple[NDArray, NDArray]], residual: float) -> NDArray[np.float64]:
-    """Of the parameters that all pictures share, the poses of each eliminated. residual: RMS length, pixels."""
+    """Deviations of the parameters that all pictures share, with each picture's pose eliminated. residual: RMS length,
+    pixels."""
     information = 0.0
     for shared, own in blocks:
         within = own @ np.linalg.lstsq(own, shared, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""A camera's response from pictures of one still place at several exposures."""
+"""A camera's response, from pictures of one still place at several exposures."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from .corners import size_of
 
 _LEAST_PICTURES = 3
 _LEAST_CODES = 0.9  # share of the codes from 5 to 95 % of white that pixels must show
-_SAMPLES = 1000  # pixels a fit
-_FITS = 9  # of different pixels: their median is the curve
-_SMOOTHNESS = 100.0  # Debevec and Malik's lambda where a fit has _OF_SAMPLES pixels
+_SAMPLES = 1000  # pixels in a fit
+_FITS = 9  # fits of different pixels: the curve is their median
+_SMOOTHNESS = 100.0  # Debevec and Malik's lambda for a fit of _OF_SAMPLES pixels
 _OF_SAMPLES = 300
-_SMOOTHER = 2.0  # times lambda: by what the curve is another then, the deviation, and by how the fits scatter
+_SMOOTHER = 2.0  # factor on lambda: how much that changes the curve, and how the fits scatter, make the deviation
 _MOST_DEVIATION = 0.05
 _TRUSTED = slice(13, 243)  # codes from 5 to 95 % of white
-_KNOWN = 230  # code at which curves are compared; those beyond are known by other pictures
-_LEAST_KNOWN = 25  # code from which on a darker picture tells light well
-_FIRST_OF_TOP = 205  # code from which on the curve's end is fitted
-_LEAST_SHOWN, _MOST_SHOWN = 20, 200_000  # values of a code; pixels that are looked at
-_LEAST_STEP = 2e-6  # of a code: strictly increasing, in float32 and in a response's finer steps too
-_AGREES = 0.03  # of white: within it the end by smoothness is kept, which is less noisy
-_LEAST_TOP = 8  # codes of the end that must be shown
-_CLIPPED = 0.005  # share of the brightest picture that is at least at its white
-_DARK = 64  # codes up to which a picture may have been taken with the lens covered
+_KNOWN = 230  # code at which curves are compared; the codes above it are known from other pictures
+_LEAST_KNOWN = 25  # from this code on, a darker picture tells light well
+_FIRST_OF_TOP = 205  # from this code on, the curve's end is fitted
+_LEAST_SHOWN, _MOST_SHOWN = 20, 200_000  # values that a code needs; pixels that are used
+_LEAST_STEP = 2e-6  # per code: so that curves increase strictly, in float32 and in a response's finer steps, too
+_AGREES = 0.03  # share of white within which the end that follows from smoothness is kept: it is less noisy
+_LEAST_TOP = 8  # codes of the end that must have values
+_CLIPPED = 0.005  # share of the brightest picture's values that must clip, for its white to count
+_DARK = 64  # highest mean code of a picture that counts as taken with the lens covered
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,9 @@ def calibrate_response(
     rng = np.random.default_rng(0)
     chosen = [pixels[:, _spread(order, pixels, rng)] for _ in range(_FITS)]
     curves = np.concatenate([_fit(some, times) for some in chosen])
-    curve = np.maximum.accumulate(np.median(curves, axis=0))  # channels are samples of the one curve
+    curve = np.maximum.accumulate(np.median(curves, axis=0))  # each channel is a sample of the one curve
     curve, white_deviation = _with_top(curve, pixels, times)
-    # Compared where they are known: what is said of the last code is smoothness alone.
+    # Compared at a code where they are known: the last code's value follows from smoothness alone.
     compared = curves / curves[:, _KNOWN : _KNOWN + 1]
     smoother = _fit(np.concatenate(chosen, axis=1), times, _SMOOTHER)
     middle = np.median(compared, axis=0)
@@ -124,14 +124,14 @@ def _black(dark: ArrayLike) -> float:
 
 
 def _white(stack: NDArray[np.uint8]) -> float:
-    """The code that the brightest picture clips at."""
+    """The code at which the brightest picture clips."""
     brightest = stack[int(np.argmax(stack.mean(axis=(1, 2, 3))))]
     most = int(brightest.max())
     return float(most) if (brightest == most).mean() >= _CLIPPED else 255.0
 
 
 def _spread(order: NDArray, pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray:
-    """Random pixels whose brightness is spread evenly. order: of pixels by brightness."""
+    """Random pixels whose brightness is spread evenly. order: the pixels in order of brightness."""
     mean = pixels.mean(axis=(0, 2))[order]
     levels = rng.uniform(mean[0], mean[-1], _SAMPLES)
     first, last = np.searchsorted(mean, levels - 1), np.searchsorted(mean, levels + 1)
@@ -140,15 +140,16 @@ def _spread(order: NDArray, pixels: NDArray[np.uint8], rng: np.random.Generator)
 
 
 def _fit(pixels: NDArray[np.uint8], times: NDArray[np.float32], smoother: float = 1.0) -> NDArray[np.float64]:
-    """Curves (3, 256) of these pixels, 1 at the last code: Debevec and Malik's Eq. 3, lambda times `smoother`.
+    """Curves (3, 256) of these pixels, 1 at the last code: Debevec and Malik's Eq. 3, with lambda times `smoother`.
 
-    The first and last code have no weight, for what is darker or brighter shows them, too; OpenCV's CalibrateDebevec
-    gives them one. Of the normal equations the logarithms of the pixels' light are eliminated: 256 unknowns remain.
+    The first and last code have no weight, because darker or brighter light shows them, too; OpenCV's CalibrateDebevec
+    gives them one. The logarithms of the pixels' light are eliminated from the normal equations, which leaves 256
+    unknowns.
     """
     hat = np.minimum(np.arange(256.0), 255 - np.arange(256.0))
     bend = np.diff(np.eye(256), 2, axis=0) * (_SMOOTHNESS * smoother * np.sqrt(pixels.shape[1] / _OF_SAMPLES))
     smooth = (bend.T * hat[1:-1] ** 2) @ bend
-    smooth[128, 128] += 1  # the logarithms are known but for one
+    smooth[128, 128] += 1  # logarithms are only known up to one constant
     log_times = np.log(times.astype(np.float64))[:, None]
     curves = []
     for codes in np.moveaxis(pixels, 2, 0):
@@ -166,12 +167,12 @@ def _fit(pixels: NDArray[np.uint8], times: NDArray[np.float32], smoother: float 
 def _with_top(
     curve: NDArray[np.float64], pixels: NDArray[np.uint8], times: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], float]:
-    """The curve with its last codes by what the same pixels show in darker pictures, where that is something else, and
-    the relative deviation of its last value.
+    """The curve, and the relative deviation of its last value. Where the same pixels in darker pictures show something
+    else for the last codes, these follow the darker pictures.
 
     Debevec and Malik give the last codes no weight: they follow from smoothness alone, 12 % off where a curve is flat
-    at its end. What darker pictures tell is noisier, and complete by a cubic of the square root of what is missing to
-    white, which holds for curves that end steeply and for those that end flat.
+    at its end. What darker pictures tell is noisier. It is completed by a cubic of the square root of what is missing
+    to white, which holds for curves that end steeply and for those that end flat.
     """
     pixels = pixels[:, :: max(1, pixels.shape[1] // _MOST_SHOWN)]
     order = np.argsort(times, kind="stable")
@@ -183,14 +184,14 @@ def _with_top(
     values, shown = np.concatenate(light), np.concatenate(codes)
     known = [(c, curve[c]) for c in range(_FIRST_OF_TOP, _KNOWN + 1)]
     more = [(c, np.median(values[shown == c])) for c in range(_KNOWN + 1, 255) if (shown == c).sum() >= _LEAST_SHOWN]
-    if len(more) < _LEAST_TOP:  # white is then as uncertain as what is left to it
+    if len(more) < _LEAST_TOP:  # white is then as uncertain as the rest of the curve up to it
         return curve, float(1 - curve[254 - _LEAST_TOP] / curve[255])
     at, to = np.array(known + more, np.float64).T
     terms = _of_missing(at)
     solved = np.linalg.lstsq(terms, to, rcond=None)[0]
     variance = ((to - terms @ solved)[len(known) :] ** 2).mean()
     fitted = np.maximum.accumulate(_of_missing(np.arange(_KNOWN + 1, 256)) @ solved)
-    # Where within the last step codes clip is not seen: evenly spread, 0.29 of it.
+    # Where within the last step the codes clip cannot be seen: evenly spread, the deviation is 0.29 of the step.
     step = 0.29 * (fitted[-1] - fitted[-2])
     deviation = float(np.sqrt(variance * np.linalg.inv(terms.T @ terms)[0, 0] + step**2) / fitted[-1])
     if abs(fitted[-1] / curve[255] - 1) <= _AGREES:

@@ -13,10 +13,10 @@ from ..expected import expect
 from ..rotations import rotation_vectors
 
 _LEAST_MOMENTS = 4
-_LEAST_TURN = np.radians(5)  # RMS about a second axis
+_LEAST_TURN = np.radians(5)  # RMS about a second axis, at least
 _ROUNDS = 20
 _HUBER = 2.0
-_MOST_DEGREES, _MOST_METRES = 0.5, 0.005  # deviations that are accepted
+_MOST_DEGREES, _MOST_METRES = 0.5, 0.005  # largest deviations that are accepted
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _start(a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def _rotation(matrix: NDArray) -> NDArray[np.float64]:
-    """The rotation nearest to a multiple of it, of either sign."""
+    """The rotation nearest to a multiple of the matrix, which may be negative."""
     u, _, vt = np.linalg.svd(matrix * np.sign(np.linalg.det(matrix)))
     return u @ vt
 

@@ -14,20 +14,20 @@ from ..gyroscope import Gyroscope
 from ..rotations import RotationPath, accumulated, rotation_vectors, rotations_from
 from ..tracking import Tracker
 
-_FIRST_READOUT = 0.02  # seconds, to start from
-_LEAST_READOUT = 1e-3  # that a camera is tracked with
+_FIRST_READOUT = 0.02  # seconds, for the first round
+_LEAST_READOUT = 1e-3  # seconds, the least with which the board is tracked
 _ROUNDS = 6
-_SETTLED = 2e-5  # seconds
-_LONGEST_GAP = 0.2  # seconds between pictures that belong together
+_SETTLED = 2e-5  # seconds of change, below which the readout has settled
+_LONGEST_GAP = 0.2  # seconds between neighbouring pictures, at most
 _LEAST_FRAMES = 12
 _BLOCKS = 10  # of the jackknife
-_WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds; standard deviations beyond which nothing is told
-_ACCELERATION = (8.0, 4.0)  # radians, metres a squared second: what a hand is trusted with
-_JERK = (100.0, 50.0)  # and a cubed one
+_WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds: a larger standard deviation means that the pictures do not tell
+_ACCELERATION = (8.0, 4.0)  # radians and metres per second squared, as a hand can reach
+_JERK = (100.0, 50.0)  # the same, per second cubed
 _STEP = 0.01  # seconds
-_AROUND = 0.25  # to both sides of where a gyroscope turns as fast as the camera
-_LEAST_AGREEMENT = 0.7  # correlation of the two speeds
-_RIVAL = 1.5  # times the least mean square, within which another offset is as good
+_AROUND = 0.25  # seconds to each side of the offset at which the gyroscope turns as fast as the camera
+_LEAST_AGREEMENT = 0.7  # least correlation of the two speeds
+_RIVAL = 1.5  # another offset is as good if its mean square is less than this many times the least
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def calibrate_timing(
     gyro: tuple[ArrayLike, ArrayLike] | None = None,
     longest_offset: float | None = 0.25,
 ) -> TimingCalibration:
-    """Readout of a camera, and its clock relative to another, from pictures of a board while the camera moves.
+    """Finds a camera's readout, and its clock relative to another, from pictures of a board while the camera moves.
 
     frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk turns in
     several directions.
@@ -108,15 +108,16 @@ def calibrate_timing(
     gyro: (times, (n, 3) radians a second) of a gyroscope fixed to the camera, about its own axes. How either is mounted
     need not be known.
     longest_offset: seconds on both sides of 0 within which the clock's offset is searched. None searches all of a
-    gyroscope's log, whose clock counts from another moment (a telephone's start), by how fast both turn.
+    gyroscope's log, whose clock may start at another moment (that of a telephone counts from its start), by how fast
+    both turn.
 
     Each picture's edges say how far the board moved while its rows were read; the poses of the pictures before and
     after say how fast it moved. The readout is the ratio of the two. The offset is the one at which the turns between
     pictures agree with those by the other clock, whatever the fixed rotation between the two.
 
-    Raises ValueError where the pictures cannot tell: fewer than 12 with a pose, a readout that is less certain than 2
-    ms or runs from the last row up, or an offset that is less certain than 5 ms, at the end of the range, or one among
-    several.
+    Raises ValueError where the pictures cannot tell: fewer than 12 with a pose; a readout that is less certain than 2
+    ms or runs from the last row up; or an offset that is less certain than 5 ms, lies at the end of the range, or is
+    one of several.
     """
     if poses is not None and gyro is not None:
         raise ValueError("give poses or gyro, not both")
@@ -140,7 +141,7 @@ def calibrate_timing(
             f"the motion does not tell the readout: {1e3 * readout:.1f} ms with a standard deviation of "
             f"{1e3 * deviation:.1f} ms; turn the camera faster, in several directions, with the board in view"
         )
-    if readout < -max(4 * deviation, _LEAST_READOUT):  # what the tracking of motion errs by is no readout
+    if readout < -max(4 * deviation, _LEAST_READOUT):  # a smaller one may be an error of tracking motion
         raise ValueError(f"the readout came out as {1e3 * readout:.2f} ms: are the pictures upside down?")
     agreed = gyroscope = None
     if poses is not None:
@@ -164,7 +165,7 @@ def calibrate_timing(
 
 
 class _Track:
-    """The pictures with poses, as a camera with some readout sees them."""
+    """The pictures that have poses, as a camera with some readout sees them."""
 
     def __init__(self, shots: list[tuple[float, NDArray]], camera: Camera, board: Board):
         tracker = Tracker(board, camera)
@@ -178,9 +179,9 @@ class _Track:
         self.poses = [tracked.camera_from_marker for tracked in self.tracked]
 
     def readout(self) -> tuple[float, float, int]:
-        """Seconds, standard deviation, pictures.
+        """The readout in seconds, its standard deviation, and the number of pictures.
 
-        With v the motion over a readout T that a picture shows, of information A, and u the velocity that the poses
+        Let v be the motion over a readout T that a picture shows, A its information, and u the velocity that the poses
         around it tell: the least squares of v - T u.
         """
         products, squares = [], []
@@ -194,7 +195,7 @@ class _Track:
         top, bottom = np.array(products), np.array(squares)
         if not bottom.sum() > 0:
             raise ValueError("the board does not move in the pictures")
-        # Pictures that a wrong pose spoils are left out; at most a fifth.
+        # Pictures that a wrong pose spoils are left out, at most a fifth of them.
         error = top - top.sum() / bottom.sum() * bottom
         size = np.abs(error) / np.sqrt(np.maximum(bottom, 1e-30))
         good = size <= max(5 * np.median(size), np.percentile(size, 80))
@@ -210,14 +211,14 @@ class _Track:
         if max(times[k] - times[k - 1], times[k + 1] - times[k]) > _LONGEST_GAP:
             return None
         tracked = self.tracked[k]
-        if tracked.last_row is None:  # by corners alone
+        if tracked.last_row is None:  # tracked by corners alone
             return None
         found = _row_evidence(self.images[k], self.board, self.camera, tracked.camera_from_marker, tracked.last_row)
         if found is None:
             return None
         share, pose, A, b = found
         place = pose.translation
-        # Pose and accelerations are free, the latter within a hand's reach.
+        # The pose and the accelerations are free, the accelerations within a hand's reach.
         A = A.copy()
         spread = _about_board(np.array(_ACCELERATION) * readout**2, place)
         A[12:18, 12:18] += np.linalg.inv(spread @ spread.T)
@@ -232,7 +233,8 @@ class _Track:
         return float(speed @ (information @ shown + change)), float(speed @ information @ speed)
 
     def _speed(self, k: int, later: float, place: NDArray) -> NDArray[np.float64]:
-        """Of the motion, a second, `later` than picture k: of the polynomial through it and up to two on each side."""
+        """The speed of the motion, per second, `later` than picture k: from the polynomial through that picture and up
+        to two on each side."""
         near = [k - 1, k + 1]
         for step in (-1, 1):
             j = k + 2 * step
@@ -246,14 +248,14 @@ class _Track:
 
 
 def _motion(first: Pose, last: Pose, place: NDArray) -> NDArray[np.float64]:
-    """(w, d): a steady turn about the camera and its shift, as they move a board at `place`."""
+    """(w, d): a steady turn about the camera, and its shift, that move a board at `place` in the same way."""
     turned = last.rotation @ first.rotation.T
     w = rotation_vectors(turned)
     return np.concatenate([w, turned.T @ last.translation - first.translation + np.cross(w, place)])
 
 
 def _about_board(deviations: NDArray, place: NDArray) -> NDArray[np.float64]:
-    """(6, 6) from turns and shifts about the camera to (w, d) of a board at `place`."""
+    """(6, 6): takes turns and shifts about the camera to (w, d) of a board at `place`."""
     x, y, z = place
     turn = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # w -> w x place
     out = np.zeros((6, 6))
@@ -270,7 +272,7 @@ def _rotations(times: ArrayLike, poses: Iterable[Pose | ArrayLike]) -> tuple[NDA
 
 
 def _integrated(times: ArrayLike, rates: ArrayLike) -> tuple[NDArray, NDArray]:
-    """body_from_world, of a body that turns by `rates` about its own axes."""
+    """body_from_world of a body that turns by `rates` about its own axes."""
     times, rates = np.asarray(times, np.float64), np.asarray(rates, np.float64)
     if times.ndim != 1 or rates.shape != (*times.shape, 3):
         raise ValueError(f"gyro must be (n,) times and (n, 3) rates, got {times.shape} and {rates.shape}")
@@ -285,7 +287,7 @@ def _checked(times: NDArray, rotations: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def _where(track: _Track | TimingCalibration, times: ArrayLike, rates: ArrayLike) -> float:
-    """Seconds by which a gyroscope's clock is ahead, roughly: where both turn as fast, whatever its axes."""
+    """Roughly how many seconds a gyroscope's clock is ahead: where both turn equally fast, about whatever axes."""
     times, speeds = np.asarray(times, np.float64), np.linalg.norm(np.asarray(rates, np.float64), axis=1)
     seen = np.array([p.rotation for p in track.poses])
     steps = np.diff(track.times)
@@ -294,19 +296,19 @@ def _where(track: _Track | TimingCalibration, times: ArrayLike, rates: ArrayLike
     at = np.arange(middles[0], middles[-1], _STEP)
     counts = (steps <= _LONGEST_GAP)[np.clip(np.searchsorted(track.times, at) - 1, 0, len(steps) - 1)].astype(float)
     here = np.interp(at, middles, turns)
-    here = counts * (here - (counts @ here) / counts.sum())  # not where the board was out of view
+    here = counts * (here - (counts @ here) / counts.sum())  # does not count where the board was out of view
     there = np.interp(np.arange(times[0], times[-1], _STEP), times, speeds)
-    beyond = len(here) // 2  # of a log that begins late or ends early
+    beyond = len(here) // 2  # for a log that begins late or ends early
     there = np.pad(there - there.mean(), beyond)
     size = 1 << (len(there) + len(here)).bit_length()
 
     def sums(values: NDArray, weights: NDArray) -> NDArray:
-        """Of all places in the log: the sum of its values, weighted."""
+        """For every place in the log, the weighted sum of its values."""
         products = np.fft.rfft(values, size) * np.conj(np.fft.rfft(weights, size))
         return np.fft.irfft(products, size)[: len(there) - len(here) + 1]
 
     spread = sums(there**2, counts) - sums(there, counts) ** 2 / counts.sum()
-    least = 1e-3 * (there @ there) * counts.sum() / len(there)  # of a log that rests
+    least = 1e-3 * (there @ there) * counts.sum() / len(there)  # for the parts of a log in which it rests
     agreement = sums(there, here) / np.sqrt(np.maximum(np.maximum(spread, least) * (here @ here), 1e-300))
     best = int(np.argmax(agreement))
     if not agreement[best] > _LEAST_AGREEMENT:
@@ -319,8 +321,8 @@ def _where(track: _Track | TimingCalibration, times: ArrayLike, rates: ArrayLike
 
 @dataclass(frozen=True)
 class _Agreement:
-    """Of two clocks: seconds and their standard deviation; camera_from_body and its largest standard deviation about
-    any axis, radians; a gyroscope's drift."""
+    """The agreement of two clocks: the offset in seconds and its standard deviation; camera_from_body and its largest
+    standard deviation about any axis, radians; a gyroscope's drift."""
 
     offset: float
     deviation: float
@@ -330,7 +332,8 @@ class _Agreement:
 
 
 def _offset(track: _Track, times: NDArray, rotations: NDArray, where: tuple[float, float], bias: bool) -> _Agreement:
-    """where: middle and half width of what is looked at, seconds. bias: of a gyroscope, found along."""
+    """where: middle and half width of the offsets that are searched, seconds. bias: whether a gyroscope's drift is
+    found, too."""
     pairs = np.flatnonzero(np.diff(track.times) <= _LONGEST_GAP)
     begin, end = track.times[pairs], track.times[pairs + 1]
     seen = np.array([p.rotation for p in track.poses])
@@ -340,8 +343,8 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, where: tuple[floa
     at = RotationPath(times, rotations)
 
     def fitted(offset: float, within: tuple[float, float] | None = None) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """What is left of the turns between pictures without those of the other clock; of these, what is no steady
-        drift; mount and drift. within: offsets that count."""
+        """The turns between pictures less those by the other clock; the latter without a steady drift; the mount and
+        the drift. within: range of offsets for which turns must be known."""
         least, most = within or (offset, offset)
         known = (begin + least >= times[0]) & (end + most <= times[-1])
         there = rotation_vectors(at(end[known] + offset) @ at(begin[known] + offset).transpose(0, 2, 1))
@@ -375,7 +378,7 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, where: tuple[floa
         a, b = (a, d) if cost(c) < cost(d) else (c, b)
     offset = 0.5 * (a + b)
     left, told, mount, drift = fitted(offset)
-    # What an offset and the mount change: the mount must not be free to hide the offset.
+    # How an offset changes the turns while the mount adapts: the mount must not be able to hide the offset.
     h = 0.25 * step
     both = offset - h, offset + h
     slope = (fitted(both[1], both)[0] - fitted(both[0], both)[0]) / (2 * h)
@@ -391,7 +394,7 @@ def _offset(track: _Track, times: NDArray, rotations: NDArray, where: tuple[floa
     rivals = [grid[i] for i in minima if abs(grid[i] - offset) > 3 * step and costs[i] < _RIVAL * least]
     if rivals:
         raise ValueError(f"the motion repeats itself: offsets of {offset:.3f} and {rivals[0]:.3f} s fit alike")
-    # About the axis of all turns nothing tells the mount.
+    # Nothing tells the mount about an axis that all turns share.
     across = (told**2).sum() * np.eye(3) - told.T @ told
     loose = np.sqrt(variance / max(np.linalg.eigvalsh(across)[0], 1e-300))
     return _Agreement(float(offset), deviation, mount, float(min(loose, np.pi)), drift)
