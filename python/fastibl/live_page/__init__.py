@@ -1,7 +1,7 @@
 """A page on this machine that shows a running session and changes it.
 
-What is shown goes one way, from the loop through snapshots to the server; what is changed goes the other, through the
-loop's queue. The session belongs to the loop's thread alone.
+What is shown goes from the loop through snapshots to the server; changes go the other way, through the loop's queue.
+Only the loop's thread touches the session.
 """
 
 from .choices import Choices

@@ -13,13 +13,13 @@ from .._fastibl import Material, Mesh, with_gl
 from ..files import mesh_and_material, stand
 from ..lighting import STEPS, method_name, methods
 
-OWN = "its own"  # the material of the object's file, or of the command line
+OWN = "its own"  # the material in the object's file, or that of the command line
 _MOST_ERROR, _MOST_MILLISECONDS = 1.0, 1000.0
 _ACTIONS, _SWITCHES = ("step", "restart"), ("freeze", "record", "shadow")
 
 
 def materials() -> dict[str, Material]:
-    """The built-in ones, by name."""
+    """The built-in materials by name."""
     return {
         "white plaster": Material((0.75, 0.75, 0.75)),
         "grey clay": Material((0.3, 0.28, 0.26)),
@@ -49,7 +49,7 @@ def _ring() -> Mesh:
     import trimesh
 
     made = trimesh.creation.torus(1.0, 0.36, major_sections=64)
-    return Mesh(made.vertices[:, [0, 2, 1]] * [1, -1, 1], made.faces)  # upright
+    return Mesh(made.vertices[:, [0, 2, 1]] * [1, -1, 1], made.faces)  # turns it upright
 
 
 _BUILT_IN: dict[str, Callable[[], Mesh]] = {"figurine": shapes.figurine, "ball": _ball, "cube": _cube, "ring": _ring}
@@ -58,8 +58,8 @@ _BUILT_IN: dict[str, Callable[[], Mesh]] = {"figurine": shapes.figurine, "ball":
 class Choices:
     """Objects, materials, methods and back ends to choose from.
 
-    files: meshes besides the built-in ones; the first is what the page begins with. up: of the files. height: of all
-    objects, metres. Raises ValueError where two files have one name.
+    files: meshes besides the built-in ones; the page begins with the first. up: the files' up axis. height: that of all
+    objects, metres. Raises ValueError where two files have the same name.
     """
 
     def __init__(self, files: Sequence[Path] = (), up: str = "y", height: float = 0.15):
@@ -73,7 +73,7 @@ class Choices:
         self.methods = {step: list(dict.fromkeys(m.name for m in methods(step))) for step in STEPS}
 
     def mesh(self, name: str) -> tuple[Mesh, Material]:
-        """An object as it stands on the board, and its own material. Raises what reading its file raises."""
+        """An object as it stands on the board, and its own material. Raises whatever reading its file raises."""
         path = self._files.get(name)
         if path is None:
             return stand(_BUILT_IN[name](), self._height), Material()
@@ -81,7 +81,7 @@ class Choices:
         return stand(mesh, self._height), material or Material()
 
     def describe(self) -> dict[str, Any]:
-        """For the page."""
+        """The choices as the page reads them."""
         return {
             "objects": self.objects,
             "materials": [OWN, *self.materials],
@@ -91,7 +91,7 @@ class Choices:
         }
 
     def read(self, changes: Any) -> dict[str, Any]:
-        """Changes as a page sends them, checked. Raises ValueError that names what was expected and what came."""
+        """Checks changes that a page sends. Raises ValueError that names what was expected and what came."""
         if not isinstance(changes, Mapping) or not changes:
             raise ValueError("expected an object of changes by name")
         return {name: self._read(name, value) for name, value in changes.items()}
@@ -135,7 +135,7 @@ def _one_of(name: str, value: Any, choices: Sequence[Any]) -> Any:
 
 
 def _number(name: str, value: Any, least: float, most: float) -> float:
-    good = isinstance(value, (int, float)) and not isinstance(value, bool)  # NaN is in no range
+    good = isinstance(value, (int, float)) and not isinstance(value, bool)  # NaN lies in no range
     if not (good and least <= value <= most):
         raise ValueError(f"{name} must be a number from {least:g} to {most:g}, got {str(value)[:40]!r}")
     return float(value)

@@ -1,4 +1,5 @@
-"""Who is connected: a bounded number. Those that have not shown the token yet make room, and nobody asks for ever."""
+"""Keeps the number of connections bounded. Those that have not shown the token yet give way to new ones, and no
+connection may take for ever to send a request."""
 
 from __future__ import annotations
 
@@ -12,14 +13,15 @@ from dataclasses import dataclass
 
 @dataclass
 class _Place:
-    """since: the time from which on its request is waited for; None while one is answered."""
+    """since: the time since when its request is awaited; None while one is answered."""
 
     since: float | None
     admitted: bool = False
 
 
 class Connections:
-    """most: at a time. patience: seconds within which a whole request must come, from the answer before it on."""
+    """most: connections at a time. patience: seconds within which a whole request must come, counted from the previous
+    answer."""
 
     def __init__(self, most: int, patience: float, clock: Callable[[], float] = time.monotonic):
         self._most, self._patience, self._clock = most, patience, clock
@@ -27,7 +29,8 @@ class Connections:
         self._places: dict[socket.socket, _Place] = {}  # the oldest first
 
     def take(self, connection: socket.socket) -> bool:
-        """Whether there is a place for it: where all are taken, that of the oldest one that was not admitted."""
+        """Whether there is a place for the connection. If all are taken, it gets that of the oldest one that was not
+        admitted."""
         with self._lock:
             if len(self._places) >= self._most:
                 stranger = next((one for one, place in self._places.items() if not place.admitted), None)
@@ -38,13 +41,13 @@ class Connections:
             return True
 
     def admit(self, connection: socket.socket) -> None:
-        """Its whole request has come, with the token: it keeps its place."""
+        """Lets the connection keep its place: its whole request has come, with the token."""
         with self._lock:
-            if place := self._places.get(connection):  # it may have been ended meanwhile
+            if place := self._places.get(connection):  # it may have been ended in the meantime
                 place.since, place.admitted = None, True
 
     def wait(self, connection: socket.socket) -> None:
-        """For its next request."""
+        """Begins to wait for the connection's next request."""
         with self._lock:
             if place := self._places.get(connection):
                 place.since = self._clock()
@@ -54,7 +57,7 @@ class Connections:
             self._places.pop(connection, None)
 
     def end_late(self) -> None:
-        """Ends those whose request has not come in time."""
+        """Ends the connections whose request has not come in time."""
         with self._lock:
             late = self._clock() - self._patience
             for one in [one for one, place in self._places.items() if place.since is not None and place.since < late]:
@@ -65,7 +68,7 @@ class Connections:
             return len(self._places)
 
     def _end(self, connection: socket.socket) -> None:
-        """Its thread, which reads, finds its end and closes it."""
+        """Shuts the connection down; its thread, which is reading from it, notices and closes it."""
         del self._places[connection]
-        with contextlib.suppress(OSError):  # the client has gone
+        with contextlib.suppress(OSError):  # the client may be gone already
             connection.shutdown(socket.SHUT_RDWR)

@@ -1,4 +1,4 @@
-"""The loop of a live session: the only one that touches it. It takes changes from a queue and gives snapshots."""
+"""The loop of a live session. Only the loop touches the session: it takes changes from a queue and gives snapshots."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ from ..session import Session, bake_shadow
 from .choices import OWN, Choices
 from .snapshot import Latest, Snapshot
 
-_WINDOW = 1.0  # seconds over which pictures are counted
+_WINDOW = 1.0  # seconds over which the frame rate is counted
 _TIMINGS = 30  # frames whose timings are shown
-_MESSAGES = 20  # that are kept
-_WAITING = 64  # changes that may wait
-_SLOW = 0.15  # seconds a frame
-_SLOW_FRAMES = 5  # one after the other
-_QUICK_ENOUGH = 50.0  # milliseconds that are asked for then
+_MESSAGES = 20  # messages that are kept
+_WAITING = 64  # changes that may wait in the queue
+_SLOW = 0.15  # seconds from which on a frame counts as slow
+_SLOW_FRAMES = 5  # slow frames in a row before time is limited
+_QUICK_ENOUGH = 50.0  # milliseconds a frame may then take
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the controls stand at. error: of the picture, milliseconds: of a frame, 0 for none. turn: degrees."""
+    """The state of the controls. error: that of the picture; milliseconds: those of a frame; 0 for none. turn:
+    degrees."""
 
     object: str
     material: str = OWN
@@ -48,7 +49,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class _Object:
-    """An object made ready: its scene takes seconds, and is made beside the loop."""
+    """An object that is ready to show. Making its scene takes seconds, so it is made in another thread than the
+    loop's."""
 
     name: str
     own: Material
@@ -62,11 +64,11 @@ def _turned(degrees: float) -> Pose:
 class LiveLoop:
     """Runs a source through a session and shows it as snapshots in `latest`.
 
-    source: gives Frames, and again from its begin when it is iterated again. choices: what may be changed. settings:
-    to begin with. options: further ones of Session (environment, distance, ...). folder: of recordings. about: the
-    source in words, or a function that gives them. after_frame: called with the session and what it made of each frame,
-    in the loop's thread. log: is given each message, too. watched: by a person, for whom frames that take long for
-    their error get a budget of time.
+    source: gives Frames; iterated again, it begins again. choices: what may be changed. settings: those to begin with.
+    options: more options of Session (environment, distance, ...). folder: where recordings go. about: the source in
+    words, or a function that gives them. after_frame: called in the loop's thread, with the session and what it made of
+    each frame. log: called with each message. watched: whether a person looks on; if so, frames that take long to keep
+    to their error get a time budget.
     """
 
     def __init__(
@@ -90,10 +92,10 @@ class LiveLoop:
         self._stopping = threading.Event()
         self._restarting = False
         self._steps = 0
-        self._wanted = ""  # object that is asked for and not there yet
+        self._wanted = ""  # object that was asked for but is not ready yet
         self._recorder: Recorder | None = None
         self._closing: threading.Thread | None = None
-        self._again: Played | None = None  # the last frame, for changes while nothing comes
+        self._again: Played | None = None  # the last frame, to show changes while no new one comes
         self._times: deque[float] = deque()
         self._timings: deque[Mapping[str, float]] = deque(maxlen=_TIMINGS)
         self._messages: deque[tuple[int, str]] = deque(maxlen=_MESSAGES)
@@ -101,14 +103,15 @@ class LiveLoop:
         self._saying = threading.Lock()
         self._object = self._load(settings.object)
         self._session = self._make_session()
-        self.frames = 0  # processed
-        self._slow, self._hurried = 0, False  # frames; whether a time was asked for because of them
+        self.frames = 0  # frames that were processed
+        self._slow, self._hurried = 0, False  # slow frames in a row; whether time was limited because of them
         self.latest = Latest(Snapshot(source.rig, source.board, settings=settings, source=self._about()))
 
     # For other threads.
 
     def change(self, changes: Mapping[str, Any]) -> bool:
-        """Asks for changes that Choices.read has checked; False, and none is made, where too many wait already."""
+        """Asks for changes that Choices.read has checked. Returns False, and changes nothing, where too many wait
+        already."""
         try:
             self._queue.put_nowait(changes)
         except queue.Full:
@@ -123,7 +126,7 @@ class LiveLoop:
         self._log(text)
 
     def stop(self) -> None:
-        """Ends run() after the frame that it is at."""
+        """Ends run() after the current frame."""
         self._stopping.set()
         if hasattr(self.source, "close"):
             self.source.close()
@@ -131,7 +134,7 @@ class LiveLoop:
     # The loop's own thread.
 
     def run(self, until_end: bool = False) -> None:
-        """Runs until stop(); when the source has ended it waits for changes, or returns where `until_end`."""
+        """Runs until stop(). When the source has ended, it waits for changes, or returns if `until_end`."""
         with warnings.catch_warnings():
             warnings.simplefilter("always", RecordingWarning)
             shown = warnings.showwarning
@@ -160,7 +163,7 @@ class LiveLoop:
             self.latest.close()
 
     def _play(self) -> str:
-        """Frames of the source from its begin; returns why they ended."""
+        """Processes the source's frames from its beginning; returns why they ended."""
         frames = play(self._session, self.source)
         self._show(state="frozen" if self._settings.freeze else "waiting", reason="", fps=0.0)
         while True:
@@ -179,7 +182,7 @@ class LiveLoop:
                 return str(error)
             if played is None:
                 return "no more pictures come"
-            if played.frame.back is not None:  # a front picture alone shows nothing
+            if played.frame.back is not None:  # a front picture alone has nothing to show
                 self._steps = max(0, self._steps - 1)
             self._take(played)
 
@@ -202,13 +205,14 @@ class LiveLoop:
             self._after_frame(self._session, played)
 
     def _watch_time(self, seconds: float) -> None:
-        """Who looks on, and asked for no time, sees no slow motion: a mirror within 2 % may take most of a second."""
+        """Limits the time of frames for a person who looks on and set no time: a mirror within 2 % may take most of a
+        second."""
         if self._settings.milliseconds or not self._settings.error or not self._watched:
             return
         self._slow = self._slow + 1 if seconds > _SLOW else 0
         if self._slow < _SLOW_FRAMES or self._hurried:
             return
-        self._hurried = True  # once: who then asks for none gets none
+        self._hurried = True  # only once: a person who then switches the limit off keeps it off
         self._set_milliseconds(_QUICK_ENOUGH)
         self.say(
             f"{1000 * seconds:.0f} ms a frame for {100 * self._settings.error:g} %: methods are now chosen for "
@@ -244,7 +248,7 @@ class LiveLoop:
         )
 
     def _wait_for(self, condition: Callable[[], object]) -> None:
-        """Applies changes as they come; the last frame is made anew for those that it shows."""
+        """Applies changes as they come, and processes the last frame again if they change its picture."""
         while not condition() and not self._stopping.is_set():
             try:
                 first = self._queue.get(timeout=0.1)
@@ -260,7 +264,7 @@ class LiveLoop:
                 self._show()
 
     def _process_again(self, played: Played) -> None:
-        """The last picture once more, in the light that was captured with it: a picture counts once."""
+        """Processes the last picture once more, in the light captured by then: a picture counts only once."""
         frame = replace(played.frame, front=None)
         captured = None if played.result is None or self._options.get("environment") else played.result.environment
         try:
@@ -288,7 +292,7 @@ class LiveLoop:
             changed |= self._apply(change)
 
     def _apply(self, changes: Mapping[str, Any]) -> bool:
-        """Whether the picture changes with them."""
+        """Applies changes; returns whether they change the picture."""
         changed = False
         for name, value in changes.items():
             try:
@@ -310,7 +314,7 @@ class LiveLoop:
 
     def _set_restart(self, value: bool) -> None:
         if not getattr(self.source, "live", False):
-            self._end_recording()  # its times begin again
+            self._end_recording()  # the source's times begin again
         self._restarting = True
         self._note(freeze=False)
 
@@ -353,7 +357,8 @@ class LiveLoop:
         return True
 
     def _set_object(self, value: str) -> None:
-        """Made ready in a thread, and comes back through the queue; one at a time, the last that was asked for next."""
+        """Prepares the object in a thread, and takes it through the queue. One is prepared at a time; next comes the
+        last one asked for."""
         idle, self._wanted = not self._wanted, value
         if idle:
             self._prepare(value)
@@ -386,7 +391,7 @@ class LiveLoop:
         return True
 
     def _prepared(self, name: str) -> bool:
-        """Whether it is still the one that was asked for last; else that one is begun with."""
+        """Whether this is still the object that was asked for last; if not, preparing that one begins."""
         wanted, self._wanted = self._wanted, ""
         if wanted == name:
             self._show(preparing="")
@@ -400,7 +405,7 @@ class LiveLoop:
     # What sessions are made of.
 
     def _load(self, name: str) -> _Object:
-        """Takes seconds for an object that no session had yet."""
+        """Makes an object ready; takes seconds for one that no session had yet."""
         mesh, own = self.choices.mesh(name)
         scene = Scene(mesh, own)
         bake_shadow(scene)
@@ -423,7 +428,7 @@ class LiveLoop:
         return session
 
     def _dress(self, session: Session) -> None:
-        """What the controls say of the object."""
+        """Gives the session's object what the controls say of it."""
         if self._settings.material != OWN:
             session.set_material(self._material(self._settings.material))
         if self._settings.turn:
@@ -448,7 +453,7 @@ class LiveLoop:
             self._end_recording()
 
     def _end_recording(self) -> None:
-        """What waits is written in a thread, while the loop goes on."""
+        """Ends the recording; what still waits is written in a thread, while the loop goes on."""
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return
@@ -466,7 +471,7 @@ class LiveLoop:
 
 
 def free_path(folder: Path, name: str, names: Sequence[str] = ("",)) -> Path:
-    """folder/name, with a number where that is taken; names: endings that must all be free."""
+    """folder/name, with a number if that is taken. names: endings, all of which must be free."""
     for number in range(1, 10_000):
         stem = name if number == 1 else f"{name}-{number}"
         if not any((folder / f"{stem}{ending}").exists() for ending in names):

@@ -1,4 +1,4 @@
-"""Pictures for the page: each is encoded once, when somebody asks for it, whoever asks."""
+"""Pictures for the page. Each is encoded once, when somebody first asks for it, however many ask."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from ..guidance import Guidance, guide
 from ..whole_file import write_whole
 from .snapshot import Snapshot
 
-QUALITY = 85  # of JPEG
+QUALITY = 85  # quality of JPEG
 _MAP_HEIGHT = 160  # pixels
 _MAP_PERIOD = 0.7  # seconds: the map grows slowly, and showing it takes as long as ten composites
 _SHADOW_HEIGHT = 192
-_LIGHTS = 6  # that are listed
+_LIGHTS = 6  # lights that are listed
 
 
 def jpeg(picture: NDArray[Any]) -> bytes:
-    """Of (h, w, 3) RGB of 8 or 16 bits, or (h, w, 4) with straight alpha, which is put over grey."""
+    """A JPEG of (h, w, 3) RGB with 8 or 16 bits, or of (h, w, 4) with straight alpha, which is laid over grey."""
     picture = as_bytes(picture)
     if picture.shape[2] == 4:
         alpha = picture[..., 3:].astype(np.uint16)
@@ -40,14 +40,14 @@ def jpeg(picture: NDArray[Any]) -> bytes:
 
 @dataclass(frozen=True)
 class Encoded:
-    """number: of the picture that it was made of."""
+    """number: that of the picture that was encoded."""
 
     number: int
     data: bytes
 
 
 class _View:
-    """One view's last encoding. period: seconds for which it is good, whatever comes."""
+    """The last encoding of one view. period: seconds for which it stays valid, even if new pictures come."""
 
     def __init__(self, make: Callable[[Snapshot], bytes | None], period: float = 0.0):
         self._make, self._period = make, period
@@ -69,7 +69,7 @@ class _View:
 
 @dataclass(frozen=True)
 class Look:
-    """What is known of a map: where to look next, the map's picture, and its lights."""
+    """What is known of a map: where to look next, its picture, and its lights."""
 
     guidance: Guidance
     lights: tuple[MainLight, ...]
@@ -85,7 +85,7 @@ class Light:
         self._made = -np.inf
 
     def look(self, snapshot: Snapshot) -> Look | None:
-        """None before there is a map."""
+        """The newest look; None before there is a map."""
         result = snapshot.newest
         if result is None or result.environment is None:
             return None
@@ -97,7 +97,7 @@ class Light:
 
 
 def _guide(snapshot: Snapshot, result: FrameResult) -> Guidance:
-    """For the front camera where there is one: that is the one that is turned to see light."""
+    """Guidance for the front camera if there is one, because that is the camera that is turned to see light."""
     rig, pose = snapshot.rig, result.back_from_marker
     if pose is None and result.turned is not None:
         pose = result.turned.back_from_marker
@@ -109,7 +109,7 @@ def _guide(snapshot: Snapshot, result: FrameResult) -> Guidance:
 
 
 def _shadow(snapshot: Snapshot) -> bytes | None:
-    """The plane from above, +y up: the ratio of the light that the object leaves."""
+    """The shadow on the plane from above, +y up: the share of the light that the object leaves."""
     if snapshot.result is None:
         return None
     ratio = np.asarray(snapshot.result.shadow_map.image)
@@ -138,7 +138,7 @@ class Pictures:
         return tuple(self._views)
 
     def get(self, name: str, snapshot: Snapshot) -> Encoded | None:
-        """None where there is nothing to see yet. Raises KeyError for a view that there is not."""
+        """The view's picture; None where there is nothing to see yet. Raises KeyError for an unknown view."""
         return self._views[name].get(snapshot)
 
     def _map(self, snapshot: Snapshot) -> bytes | None:
@@ -147,8 +147,8 @@ class Pictures:
 
 
 def save_picture(snapshot: Snapshot, path: Path) -> Path:
-    """Writes the composite as .png, whole or not at all. Raises ValueError where there is none yet, FileExistsError
-    where another one has the name, and other OSErrors where it cannot be written."""
+    """Writes the composite as a .png, either whole or not at all. Raises ValueError where there is none yet,
+    FileExistsError where a file of that name exists, and other OSErrors where it cannot be written."""
     if snapshot.result is None:
         raise ValueError("there is no picture yet")
     picture = snapshot.result.image
@@ -156,7 +156,7 @@ def save_picture(snapshot: Snapshot, path: Path) -> Path:
     ok, encoded = cv2.imencode(".png", cv2.cvtColor(picture, order))
     if not ok:
         raise OSError("the picture cannot be encoded")
-    path.touch(exist_ok=False)  # the name is taken before the picture is written in its place
+    path.touch(exist_ok=False)  # reserves the name before the picture is written under it
     try:
         write_whole(path, encoded.tobytes())
     except BaseException:

@@ -1,4 +1,5 @@
-"""The page's server: this machine alone, a token in every address, bounded in all that a client can make it do."""
+"""The page's server: for this machine alone, with a token in every address, and with limits on all that a client can
+make it do."""
 
 from __future__ import annotations
 
@@ -29,15 +30,15 @@ from .state import overlay_of, state_of
 from .viewers import Viewers
 
 ADDRESS = "127.0.0.1"
-_CONNECTIONS = 32  # at a time; a browser opens six a page
-_BODY = 4096  # bytes of a request
-_TIMEOUT = 10.0  # seconds that a client may take for a whole request, silence before it included, or for an answer
+_CONNECTIONS = 32  # connections at a time; a browser opens six per page
+_BODY = 4096  # bytes of a request's body
+_TIMEOUT = 10.0  # seconds that a client may take for a whole request, including silence before it, or to take an answer
 _WAIT = 2.0  # seconds that a request waits for the next picture
 _ASSETS = ("page.css", "page.js")
 
 
 class _Refusal(Exception):
-    """What a client is told instead of what it asked for."""
+    """Tells a client that it does not get what it asked for, and why."""
 
     def __init__(self, status: HTTPStatus, text: str, headers: Mapping[str, str] | None = None):
         super().__init__(text)
@@ -45,7 +46,7 @@ class _Refusal(Exception):
 
 
 def load_page() -> tuple[bytes, str]:
-    """The page in one file, and the Content-Security-Policy that lets in that file's style and script and no others."""
+    """The page in one file, and a Content-Security-Policy that allows only that file's style and script."""
     files = resources.files(__package__)
     css, js = ((files / name).read_text("utf-8") for name in _ASSETS)
     page = (files / "page.html").read_text("utf-8").replace("/*STYLE*/", css).replace("/*SCRIPT*/", js)
@@ -62,7 +63,7 @@ def load_page() -> tuple[bytes, str]:
 class PageServer:
     """Serves a LiveLoop at `url` until close(); a context manager.
 
-    port: 0 for a free one. viewers: pages that may be open at a time. notices: what the page says all the time.
+    port: 0 takes a free one. viewers: pages that may be open at a time. notices: texts that the page always shows.
     Raises OSError where the port is in use.
     """
 
@@ -71,7 +72,7 @@ class PageServer:
         self.token = secrets.token_urlsafe(16)
         self.pictures, self.advice, self.viewers = Pictures(), BoardAdvice(), Viewers(viewers)
         self.page, self.policy = load_page()
-        self.seconds: dict[str, float] = {}  # of processor time, by what was asked for
+        self.seconds: dict[str, float] = {}  # seconds of processor time, by what was asked for
         self.served: dict[str, int] = {}
         self._counting = threading.Lock()
         try:
@@ -87,7 +88,7 @@ class PageServer:
 
     @property
     def connections(self) -> int:
-        """That are open now."""
+        """Number of open connections."""
         return len(self._server.connections)
 
     def count(self, what: str, seconds: float) -> None:
@@ -109,10 +110,10 @@ class PageServer:
 
 
 class _Server(socketserver.ThreadingMixIn, HTTPServer):
-    """Connections that find no place are told so and closed."""
+    """Tells connections that find no place so, and closes them."""
 
     daemon_threads, block_on_close = True, False
-    allow_reuse_address = os.name == "posix"  # elsewhere it would share the port
+    allow_reuse_address = os.name == "posix"  # on other systems, reuse would let two servers share the port
     request_queue_size = 16
 
     def __init__(self, address: tuple[str, int], page: PageServer):
@@ -120,7 +121,7 @@ class _Server(socketserver.ThreadingMixIn, HTTPServer):
         super().__init__(address, _Handler)
 
     def server_bind(self) -> None:
-        """Without HTTPServer's look-up of the host's name, which may take seconds."""
+        """Binds without HTTPServer's look-up of the host's name, which may take seconds."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = ADDRESS, self.server_address[1]
 
@@ -140,11 +141,11 @@ class _Server(socketserver.ThreadingMixIn, HTTPServer):
             self.connections.leave(request)
 
     def service_actions(self) -> None:
-        """Twice a second and after each new connection."""
+        """Ends late connections; called twice a second and after each new connection."""
         self.connections.end_late()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):  # clients come and go
+        if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):  # clients come and go: that is no error
             super().handle_error(request, client_address)
 
 
@@ -153,9 +154,9 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "fastibl", ""
     timeout = _TIMEOUT
     disable_nagle_algorithm = True
-    default_request_version = "HTTP/1.0"  # of the answer to a request that names none
+    default_request_version = "HTTP/1.0"  # version of the answer to a request that names none
     server: _Server
-    raw_requestline: bytes  # of the base, whose stub lacks them
+    raw_requestline: bytes  # attributes of the base class that its stub lacks
     _headers_buffer: list[bytes]
 
     def handle_one_request(self) -> None:
@@ -163,7 +164,7 @@ class _Handler(BaseHTTPRequestHandler):
         super().handle_one_request()
 
     def parse_request(self) -> bool:
-        """Without HTTP/0.9, which ends with its first line and knows no status to refuse it with."""
+        """Refuses HTTP/0.9, whose requests end with the first line, and which has no status to refuse them with."""
         words = self.raw_requestline.split()
         if not words or words[-1] in (b"HTTP/1.0", b"HTTP/1.1"):
             return super().parse_request()
@@ -179,7 +180,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer({"control": self._control, "save": self._save, "leave": self._leave})
 
     def log_message(self, *_: Any) -> None:
-        """The terminal is for the user."""
+        """Logs nothing: the terminal is for the user."""
 
     def _answer(self, kinds: Mapping[str, Any]) -> None:
         begin = time.thread_time()
@@ -193,7 +194,7 @@ class _Handler(BaseHTTPRequestHandler):
                 raise _Refusal(HTTPStatus.NOT_FOUND, "there is no such page")
             status, kind, answer, headers = kinds[what](body)
         except _Refusal as refusal:
-            self.close_connection = True  # who is refused keeps no place
+            self.close_connection = True  # a client that was refused keeps no place
             status, kind, headers = refusal.status, "text/plain; charset=utf-8", refusal.headers
             answer = f"{refusal}\n".encode()
         self._send(status, kind, answer, headers)
@@ -216,7 +217,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_header(name, value)
         if self.close_connection:
             self.send_header("Connection", "close")
-        # All at once: a second small packet would wait for the first one's acknowledgement.
+        # Everything is sent at once: a second small packet would wait until the first one is acknowledged.
         self._headers_buffer.append(b"\r\n" + answer)
         self.wfile.write(b"".join(self._headers_buffer))
         self._headers_buffer = []
@@ -224,10 +225,10 @@ class _Handler(BaseHTTPRequestHandler):
     # Who may ask.
 
     def _admitted(self) -> tuple[str, dict[str, str]]:
-        """Path below the token, and what was asked with it."""
+        """The path below the token, and the parameters of the request."""
         page = self.server.page
         host = self.headers.get("Host", "")
-        if host not in (f"{ADDRESS}:{page.port}", f"localhost:{page.port}"):  # another name that leads here
+        if host not in (f"{ADDRESS}:{page.port}", f"localhost:{page.port}"):  # another name that leads to it
             raise _Refusal(HTTPStatus.FORBIDDEN, f"this server is {ADDRESS}:{page.port} and goes by no other name")
         origin = self.headers.get("Origin")
         try:
@@ -236,7 +237,8 @@ class _Handler(BaseHTTPRequestHandler):
             raise _Refusal(HTTPStatus.BAD_REQUEST, "this is no address") from None
         token, slash, path = parts.path.lstrip("/").partition("/")
         foreign = self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
-        # A link to the page that is followed from elsewhere: its address holds the token, and no frame may show it.
+        # A link to the page that is followed from elsewhere is allowed: its address holds the token, and no frame may
+        # show it.
         followed = self.command == "GET" and not path and self.headers.get("Sec-Fetch-Dest") == "document"
         if (foreign and not followed) or (origin is not None and origin != f"http://{host}"):
             raise _Refusal(HTTPStatus.FORBIDDEN, "other pages may not ask here")
@@ -259,10 +261,10 @@ class _Handler(BaseHTTPRequestHandler):
             )
 
     def _read_body(self) -> bytes:
-        """Read even where the request is refused: closing over unread bytes may take the answer from the client.
+        """Reads the body even if the request is refused: closing over unread bytes may take the answer from the client.
 
-        Raises _Refusal for a body that a GET may not have, or that is too long, or does not say how long it is: what is
-        left unread is no second request, as a refusal closes the connection.
+        Raises _Refusal for a body on a GET, or one that is too long or does not say how long it is. What is left unread
+        then is not taken for a second request, because a refusal closes the connection.
         """
         lengths, chunked = self.headers.get_all("Content-Length", []), "Transfer-Encoding" in self.headers
         if self.command != "POST":
@@ -293,7 +295,7 @@ class _Handler(BaseHTTPRequestHandler):
         return _json(state | {"viewers": len(page.viewers), "page": {"seconds": seconds, "pictures": pictures}})
 
     def _picture(self, _: bytes) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
-        """The view's picture, once it is another than the one that the client has."""
+        """The view's picture, as soon as it differs from the one that the client has."""
         self._viewer()
         page, after = self.server.page, self.asked.get("after", "0")
         if self.rest not in page.pictures.names or not (after.isdecimal() and len(after) < 19):
@@ -327,7 +329,7 @@ class _Handler(BaseHTTPRequestHandler):
         loop = self.server.page.loop
         try:
             saved = None
-            while saved is None:  # another viewer may take the name
+            while saved is None:  # another viewer may take the name in the meantime
                 path = free_path(loop.folder, time.strftime("picture-%Y%m%d-%H%M%S"), (".png",))
                 with contextlib.suppress(FileExistsError):
                     saved = save_picture(loop.latest.get(), path)

@@ -1,4 +1,4 @@
-"""What the loop shows of itself: immutable, so that servers read it while the session runs on."""
+"""What the loop shows of itself. Snapshots are immutable, so that servers read them while the session runs on."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ STATES = ("waiting", "running", "frozen", "ended")
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A moment of the loop.
+    """One moment of the loop.
 
-    board: that is looked for, if any. version: grows with everything that is shown; picture: grows with the composites.
-    state: one of STATES, and why. frame, result: the last with a back picture; front: the last front picture. newest:
-    the last result of any frame, with the newest map. timings: seconds by pass of the last frames. fps: processed
-    pictures a second. messages: (number, text), the last ones. preparing: an object that is being made ready.
-    recording: path, frames written and dropped. settings: what the controls stand at. made: time.monotonic() of the
-    last picture.
+    board: the one that is looked for, if any. version: grows with everything that is shown; picture: grows with the
+    composites. state: one of STATES, and why. frame, result: the last ones with a back picture; front: the last front
+    picture. newest: the last result of any frame, with the newest map. timings: seconds by pass of the last frames.
+    fps: processed pictures a second. messages: (number, text), the last ones. preparing: an object that is being made
+    ready. recording: path, frames written and dropped. settings: the state of the controls. made: time.monotonic() of
+    the last picture.
     """
 
     rig: Rig
@@ -52,7 +52,7 @@ class Snapshot:
 
 
 class Latest:
-    """The newest snapshot; any number of threads wait for what comes after the one that they have."""
+    """The newest snapshot. Any number of threads can wait for one that is newer than theirs."""
 
     def __init__(self, first: Snapshot):
         self._snapshot, self._changed, self._closed = first, threading.Condition(), False
@@ -61,19 +61,19 @@ class Latest:
         return self._snapshot
 
     def publish(self, **changes: Any) -> None:
-        """Replaces fields of the snapshot and counts its version; by one thread at a time."""
+        """Replaces fields of the snapshot and counts up its version; only one thread may call it at a time."""
         with self._changed:
             self._snapshot = replace(self._snapshot, version=self._snapshot.version + 1, **changes)
             self._changed.notify_all()
 
     def wait_for_picture(self, after: int, timeout: float) -> Snapshot:
-        """A snapshot whose picture is another than `after`, or the newest when the time is up."""
+        """A snapshot whose picture is not `after`, or the newest one when the time is up."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._snapshot.picture != after, timeout)
             return self._snapshot
 
     def close(self) -> None:
-        """Nobody waits any more."""
+        """Ends all waiting."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

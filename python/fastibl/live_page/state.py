@@ -1,4 +1,4 @@
-"""A snapshot as the page's numbers: all of them the session's own."""
+"""A snapshot as numbers for the page; all of them are the session's own."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STEP_OF = {
 
 
 def state_of(snapshot: Snapshot, light: Light, advice: BoardAdvice) -> dict[str, Any]:
-    """What the page shows beside the pictures; numbers that are not finite become None."""
+    """What the page shows besides the pictures; numbers that are not finite become None."""
     result, newest = snapshot.result, snapshot.newest
     milliseconds = _medians(snapshot)
     recording = snapshot.recording
@@ -84,7 +84,7 @@ def _board(result: FrameResult | None) -> dict[str, Any]:
 
 
 def overlay_of(snapshot: Snapshot) -> dict[str, Any] | None:
-    """Pixels of the marker's axes (origin, x, y, z; 5 cm each) and of the shadow map's border on the plane."""
+    """Pixels of the marker's axes (origin, x, y, z; 5 cm each) and of the border of the shadow map on the plane."""
     result = snapshot.result
     if result is None or result.back_from_marker is None:
         return None
@@ -109,8 +109,8 @@ def _light(snapshot: Snapshot, newest: FrameResult | None, light: Light) -> dict
         "coverage": environment.coverage,
         "clipped": environment.clipped,
         "knowledge": {name: float(value) for name, value in environment.knowledge.items()},
-        "error": newest.predicted_error,  # of the capture and of the methods
-        "captured": environment.predicted_error,  # of the capture alone, and its interval
+        "error": newest.predicted_error,  # error of the capture and of the methods
+        "captured": environment.predicted_error,  # error of the capture alone, and its interval
         "interval": [low, high],
         "guidance": "" if look is None else str(look.guidance),
         "share": 0.0 if look is None else look.guidance.share,
@@ -119,7 +119,8 @@ def _light(snapshot: Snapshot, newest: FrameResult | None, light: Light) -> dict
 
 
 def _lamp(lamp: MainLight) -> dict[str, Any]:
-    """azimuth: degrees from the board's +y towards +x, as the map's picture runs; elevation: above the plane."""
+    """azimuth: degrees from the board's +y towards +x, in the direction of the map's picture; elevation: above the
+    plane."""
     x, y, z = lamp.direction
     return {
         "azimuth": math.degrees(math.atan2(x, y)),
@@ -157,7 +158,7 @@ def _plan(plan: Plan, milliseconds: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no infinity."""
+    """Replaces numbers that are not finite by None: JSON has no infinity."""
     if isinstance(value, dict):
         return {name: _finite(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):

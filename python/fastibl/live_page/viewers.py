@@ -1,4 +1,4 @@
-"""Who looks at the page: a bounded number, forgotten when they fall silent."""
+"""Counts who looks at the page: a bounded number of viewers, who are forgotten when they fall silent."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _NAME = re.compile(r"[A-Za-z0-9]{8,32}")
 
 
 class Viewers:
-    """most: at a time. silence: seconds without a request after which a viewer has left."""
+    """most: viewers at a time. silence: seconds without a request after which a viewer counts as gone."""
 
     def __init__(self, most: int = 4, silence: float = 8.0, clock: Callable[[], float] = time.monotonic):
         self.most, self._silence, self._clock = most, silence, clock
@@ -19,7 +19,8 @@ class Viewers:
         self._seen: dict[str, float] = {}
 
     def admit(self, name: str) -> bool:
-        """Whether there is room for this viewer, who is counted from now on. Raises ValueError for no such name."""
+        """Whether there is room for this viewer; if so, the viewer counts from now on. Raises ValueError for an invalid
+        name."""
         if not _NAME.fullmatch(name):
             raise ValueError("a viewer's name must be 8 to 32 letters and digits")
         with self._lock:
