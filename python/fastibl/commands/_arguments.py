@@ -45,7 +45,7 @@ def add_response(p: argparse.ArgumentParser) -> None:
 
 
 def device(text: str) -> int | str:
-    """A camera: its number, or a path or URL."""
+    """A camera: its number, path or URL."""
     return int(text) if text.isdecimal() else text
 
 
@@ -74,7 +74,7 @@ def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
 
 
 def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material | None]:
-    """The object of add_object's options, standing on the board, and its own material, if it has one."""
+    """The object that add_object's options name, standing on the board, and its own material, if it has one."""
     from .. import shapes
     from ..files import mesh_and_material, stand
 
@@ -85,7 +85,7 @@ def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material | None]:
 
 
 def board_of(path: Path | None) -> Board:
-    """The board of a file, by default that of `fastibl board`. Raises ValueError where it lists no tags."""
+    """The board in a file; without a file, that of `fastibl board`. Raises ValueError where the file lists no tags."""
     from ..board import Board
     from ..calibration_files import read_board
 

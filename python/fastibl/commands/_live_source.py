@@ -1,4 +1,4 @@
-"""Where `fastibl live` takes its pictures from, and what it says of that."""
+"""Where `fastibl live` takes its pictures from, and what it says about that."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 
 from ._arguments import board_of
 
-_STOPS = (-14, 2)  # of the front camera's exposures around the one that it found itself
-_SIMULATED = 4.0  # seconds that the virtual camera goes before it turns back
+_STOPS = (-14, 2)  # range of the front camera's exposures around the one that it found itself
+_SIMULATED = 4.0  # seconds that the virtual camera moves before it turns back
 _SIMULATED_FPS = 30.0
 _ROOM = 3.0  # metres, rough distance of the simulated room's walls
 _CATCH_UP = 0.1  # seconds
@@ -18,18 +18,18 @@ _CATCH_UP = 0.1  # seconds
 
 @dataclass
 class Opened:
-    """A source. about: it in words, or a function that gives them. notices: what a user should know of it. adaptive:
-    the light meter of its front camera."""
+    """A source that was opened. about: the source in words, or a function that gives them. notices: what a user should
+    know about it. adaptive: the light meter of its front camera."""
 
     source: Any
     about: str | Callable[[], str]
     notices: list[str] = field(default_factory=list)
     adaptive: Any = None
-    distance: float | None = None  # of the walls, where it is known
+    distance: float | None = None  # distance of the walls, where it is known
 
 
 class _FirstKnown:
-    """An AdaptiveExposure whose range is around the first exposure."""
+    """An AdaptiveExposure whose range lies around the first exposure."""
 
     def __init__(self, camera: Any, flicker: float):
         from ..exposure import AdaptiveExposure
@@ -44,7 +44,8 @@ class _FirstKnown:
 
 
 def open_source(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:
-    """What the arguments ask for. Raises OSError that says what there is where no camera gives pictures."""
+    """Opens the source that the arguments ask for. Where no camera gives pictures, raises OSError that says what there
+    is instead."""
     asked = [name for name in ("simulate", "recording") if getattr(arguments, name)]
     cameras = [name for name in ("back", "front") if getattr(arguments, name) is not None]
     if len(asked) + bool(cameras) > 1:
@@ -119,7 +120,7 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
     rig, options, notices = (
         _found(arguments, back)
         if guessed
-        else (read_rig(arguments.rig), {}, [])  # what was calibrated is what is asked for
+        else (read_rig(arguments.rig), {}, [])  # cameras are asked for the calibrated sizes
     )
     adapts = arguments.front is not None and arguments.exposures == "adaptive"
     adaptive = _FirstKnown(rig.front, arguments.flicker) if adapts else None
@@ -145,7 +146,8 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
 
 
 def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[str, Any], list[str]]:
-    """A rig for cameras that were not calibrated: their pictures' sizes as they come, their angles guessed."""
+    """A rig for cameras without calibration: the sizes of their pictures are taken as they come, their angles are
+    guessed."""
     from ..found_camera import picture_size, scaled_opener
     from ..guessed_rig import guessed_rig
 
@@ -160,7 +162,7 @@ def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[st
 
 
 def guess_notice(arguments: argparse.Namespace) -> str:
-    """What it means that nobody calibrated the cameras."""
+    """What it means that the cameras are not calibrated."""
     notice = (
         f"No calibration: the back camera's lens is taken for {arguments.fov:g}° wide and without distortion. 10° off "
         "put it a fifth too near or too far, and the object slips on the board when the camera moves. "

@@ -11,8 +11,8 @@ from ._arguments import parser, positive
 if TYPE_CHECKING:
     from .._fastibl import Board
 
-_PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # metres, lying
-_LARGEST = 2.0  # metres of a page: beyond, millimetres were given for metres
+_PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # metres, in landscape format
+_LARGEST = 2.0  # metres of a page: a larger number is likely to be millimetres
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -87,7 +87,7 @@ def _counts(option: str, text: str) -> tuple[int, int]:
 
 
 def _check_free(path: Path, board: Board) -> None:
-    """Raises FileExistsError where there is another board, as one that was measured."""
+    """Raises FileExistsError where the file holds another board, such as one that was measured."""
     from ..calibration_files import read_board
 
     if path.is_file() and read_board(path) != board:

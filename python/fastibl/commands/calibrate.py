@@ -139,7 +139,8 @@ def _read_pictures(arguments: argparse.Namespace, any_depth: bool = True) -> lis
 def _read_shots(
     arguments: argparse.Namespace, any_depth: bool = True, in_a_row: int = 1
 ) -> tuple[list[NDArray[Any]], list[float] | None]:
-    """Pictures, and their times where they are of a recording or a film, of which so many in a row are taken."""
+    """The pictures, and their times if they are from a recording or a film. Of these, groups of `in_a_row` successive
+    pictures are taken."""
     from ..camera_files import HDR_ADVICE, hdr_curve, is_film_name, read_pixels
 
     paths: list[Path] = arguments.pictures
@@ -160,7 +161,7 @@ def _read_shots(
 
 
 def _chosen(count: int, most: int, in_a_row: int) -> list[int]:
-    """At most so many of `count`, evenly in groups of so many in a row."""
+    """Numbers of at most `most` of `count` pictures, in evenly spaced groups of `in_a_row` successive ones."""
     import numpy as np
 
     if count <= most:
@@ -214,7 +215,7 @@ def _known_camera(arguments: argparse.Namespace) -> Camera:
 
 
 def _keep(arguments: argparse.Namespace, camera: Camera) -> None:
-    """Puts a camera into rig.yaml, beside what is there."""
+    """Puts a camera into rig.yaml and keeps what else is there."""
     from .._fastibl import Pose, Rig
     from ..calibration_files import read_rig, write_rig
 
@@ -224,7 +225,7 @@ def _keep(arguments: argparse.Namespace, camera: Camera) -> None:
     elif known is None:
         raise ValueError(f"{arguments.rig} has no back camera yet: calibrate it first")
     else:
-        # Looks the other way, until `calibrate rig` has measured how.
+        # It is taken to look the opposite way, until `calibrate rig` has measured the pose.
         away = Pose.from_rotation_vector([0.0, 3.141592653589793, 0.0], [0.0, 0.0, 0.0])
         rig = Rig(known.back, camera, known.front_from_back if known.front is not None else away)
     write_rig(arguments.rig, rig)
@@ -240,7 +241,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
     if arguments.field_of_view is not None and not arguments.fisheye:
         raise ValueError("--field-of-view goes with --fisheye")
     known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
-    pictures, times = _read_shots(arguments, in_a_row=3)  # of which the camera's motion is known
+    pictures, times = _read_shots(arguments, in_a_row=3)  # so that the camera's motion is known
     found = calibrate_camera(
         pictures,
         board_of(arguments.board),
@@ -251,7 +252,7 @@ def run_camera(arguments: argparse.Namespace) -> int:
     )
     print(found)
     camera = found.camera
-    if known is not None:  # what pictures of a board do not tell
+    if known is not None:  # keeps what pictures of a board do not tell
         camera = camera.replace(gain=known.gain, readout=camera.readout or known.readout, vignetting=known.vignetting)
         if known.model == camera.model:
             camera = camera.replace(field_of_view=known.field_of_view)
@@ -297,7 +298,8 @@ def run_board(arguments: argparse.Namespace) -> int:
 
 
 def _finder(board: Board, camera: Camera) -> Callable[[NDArray[Any], float], Pose | None]:
-    """Gives camera_from_marker of a picture and its time: tracked in perspective pictures, found anew in others."""
+    """A function from a picture and its time to camera_from_marker: tracks in perspective pictures, and finds the board
+    anew in each other picture."""
     from ..calibration.board_pose import board_pose
     from ..tracking import Tracker
 
@@ -359,13 +361,13 @@ def run_timing(arguments: argparse.Namespace) -> int:
         board,
         poses=poses,
         gyro=gyro,
-        longest_offset=None if gyro else 0.25,  # a log's clock counts from anywhere
+        longest_offset=None if gyro else 0.25,  # a log's clock may begin anywhere
     )
     print(found)
     if arguments.attitudes and found.gyroscope is not None:
         count = write_attitudes(arguments.recording, found.gyroscope.attitudes(recording.times))
         print(f"wrote {arguments.recording}: attitudes of {count} of {len(recording)} frames")
-    # What cannot be told from 0 is a global shutter's.
+    # A readout that cannot be told from 0 counts as a global shutter's.
     readout = found.readout if found.readout > 3 * found.readout_deviation else 0.0
     _keep(arguments, camera.replace(readout=readout))
     return 0

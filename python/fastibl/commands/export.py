@@ -59,8 +59,8 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _face_edge(size: int, width: int) -> int:
-    """Of the map that a picture becomes: four of them around keep its resolution; a power of two, of which a map has
-    whole MIP levels. More than 2048 would take seconds and gigabytes."""
+    """Face edge of the map that a picture becomes. Four faces around keep the picture's resolution; it is a power of
+    two, so that all MIP levels are whole. More than 2048 would take seconds and gigabytes."""
     return max(size, 128, min(1 << (width // 4 - 1).bit_length(), 2048))
 
 

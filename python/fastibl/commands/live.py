@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..session import Session
     from ._live_source import Opened
 
-_DEGREES = 65.0  # guessed_rig.DEGREES, which costs an import of NumPy
+_DEGREES = 65.0  # as guessed_rig.DEGREES, whose import would load NumPy
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -136,7 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _Log:
-    """Takes the cameras' messages, first for the terminal, later for the page as well."""
+    """Takes the cameras' messages, at first for the terminal alone, later for the page, too."""
 
     def __init__(self) -> None:
         self.to: Callable[[str], None] = tell
@@ -146,7 +146,7 @@ class _Log:
 
 
 def _given_light(arguments: argparse.Namespace) -> Any:
-    """CubeMap of the file, or None where the light is captured."""
+    """The file's CubeMap, or None where the light is captured."""
     from ..environment_files import read_environment
 
     given = arguments.environment is not None and not arguments.simulate
@@ -165,8 +165,8 @@ def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any) 
 
 
 def _open(url: str, stack: ExitStack) -> None:
-    """In a browser, by a file that leads to it and is there until the stack ends: every user of the machine can read a
-    browser's arguments, and this file only the one whose page it is."""
+    """Opens a browser by a file that leads to the page and exists until the stack ends. Every user of the machine can
+    read a browser's arguments, but only the user whose page it is can read this file."""
     import webbrowser
 
     folder = stack.enter_context(TemporaryDirectory(prefix="fastibl-", ignore_cleanup_errors=True))
@@ -180,8 +180,8 @@ def _open(url: str, stack: ExitStack) -> None:
 
 @contextmanager
 def _ending_with_control_c(loop: Any) -> Iterator[threading.Event]:
-    """The loop ends after its frame, so that what is written stays whole; a second Ctrl-C does not wait. Gives an event
-    that tells of it."""
+    """Makes Ctrl-C end the loop after the current frame, so that what is written stays whole; a second Ctrl-C does not
+    wait. Gives an event that tells whether it happened."""
     interrupted = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield interrupted
@@ -190,7 +190,7 @@ def _ending_with_control_c(loop: Any) -> Iterator[threading.Event]:
     def end(number: int, _: Any) -> None:
         interrupted.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        # Not here: the loop, which is interrupted for this, may hold the locks of its cameras.
+        # Not in this thread: the loop, which is interrupted for this handler, may hold the locks of its cameras.
         threading.Thread(target=loop.stop, daemon=True).start()
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -202,7 +202,7 @@ def _ending_with_control_c(loop: Any) -> Iterator[threading.Event]:
 
 
 class _Watch:
-    """What is done with each frame beside the page: the video, the front camera's exposures, the terminal's line."""
+    """What is done with each frame besides the page: the video, the front camera's exposures, the terminal's line."""
 
     def __init__(self, arguments: argparse.Namespace, opened: Opened, stack: ExitStack, given: Any):
         from tqdm import tqdm
@@ -215,8 +215,8 @@ class _Watch:
         self._video = None if self.out is None else stack.enter_context(VideoWriter(self.out, arguments.fps))
         self._bar = stack.enter_context(tqdm(desc="live", unit="frame", disable=None))
         self.loop: Any = None
-        self._given = given  # map of the light
-        self._lit: Session | None = None  # the session that has it as bright as it is here
+        self._given = given  # a map of the light, if given
+        self._lit: Session | None = None  # the session in which it has the brightness of this place
         self._frames = self._posed = self._refused = 0
         self._error = float("nan")
         self._end: threading.Timer | None = None
@@ -235,13 +235,13 @@ class _Watch:
                 self._opened.adaptive.schedule.update(session.capture, source.rig.front_from_back @ pose)
             self._bar.update()
             self._bar.set_postfix(error=f"{100 * self._error:.0f} %", dropped=self._dropped, refresh=False)
-        if self._seconds is not None and self._end is None:  # by a clock: a recording may end before
+        if self._seconds is not None and self._end is None:  # a timer, because a recording may end earlier
             self._end = threading.Timer(self._seconds, self.loop.stop)
             self._end.daemon = True
             self._end.start()
 
     def _light(self, session: Session, played: Played) -> None:
-        """Makes a given map as bright as the board's white is in the camera's picture."""
+        """Scales a given map to the brightness that the board's white has in the camera's picture."""
         from ..board_meter import brightness_of, scaled
 
         frame, source = played.frame, self._opened.source

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _rig(arguments: argparse.Namespace, back: tuple[int, int] | None, front: tuple[int, int] | None) -> Rig:
-    """The rig of --rig, or one that is guessed for pictures of these sizes."""
+    """The rig of --rig, or a guessed one for pictures of these sizes."""
     from ..calibration_files import read_rig
     from ..guessed_rig import DEGREES, guessed_rig
 
@@ -54,12 +54,12 @@ def _rig(arguments: argparse.Namespace, back: tuple[int, int] | None, front: tup
         f"no --rig: the recording says cameras of {DEGREES:g} degrees; calibrate before light is measured",
         file=sys.stderr,
     )
-    # Of a front camera alone, the back one is only said.
+    # With a front camera alone, the back camera is a mere placeholder.
     return guessed_rig(present(back or front), front)
 
 
 def _copy_films(arguments: argparse.Namespace) -> int:
-    """Every picture of films that were taken before, at the times that they say."""
+    """Records every picture of existing films, at the times that the films give."""
     from tqdm import tqdm
 
     from ..recorder import Recorder
@@ -105,7 +105,7 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
         patience=arguments.patience,
         log=tell,
     )
-    recorder = None  # until the first frame: an older recording is there till then
+    recorder = None  # made at the first frame: until then an older recording stays
     with source, ExitStack() as stack:
         end = None
         with tqdm(desc="record", unit="frame", disable=None) as bar:

@@ -44,7 +44,7 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _as_bright_as_here(cube: CubeMap, recording: Recording) -> CubeMap | Environment:
-    """A given map with the light that the board's white shows: a file's radiance has units of its own."""
+    """A given map, as bright as the board's white shows the light to be: a file's radiance has units of its own."""
     from ..board_meter import first_brightness, scaled
 
     board = recording.board
@@ -99,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     seconds: list[float] = []
     seen, result = 0, None
     if arguments.layers is not None:
-        openexr()  # before any work
+        openexr()  # fails before any work is done
         arguments.layers.mkdir(parents=True, exist_ok=True)
     with VideoWriter(arguments.out, fps) as video:
         session = _session(arguments, recording)

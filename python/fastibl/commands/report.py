@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class _Written:
-    """A report in a file."""
+    """A report that was written to a file."""
 
     path: Path
     rows: list[Row]
@@ -76,7 +76,7 @@ class _Written:
 
 
 def _compared(old: _Written, rows: list[Row], head: Mapping[str, Any]) -> Comparison:
-    """Raises ValueError where the two do not compare."""
+    """Compares the two reports. Raises ValueError where they are not comparable."""
     from ..report.compare import as_text, compare, of_other_inputs
 
     if others := of_other_inputs(old.head, head):
@@ -106,7 +106,7 @@ def _measured(arguments: argparse.Namespace, old: _Written | None) -> int:
         against, refused = None, None
         try:
             against = None if old is None else _compared(old, made.rows, made.head)
-        except ValueError as error:  # what was measured is written all the same
+        except ValueError as error:  # what was measured is written nevertheless
             refused = error
         path = report.write_report(made, arguments.out, against)
         bar.update(1)
@@ -120,7 +120,7 @@ def _measured(arguments: argparse.Namespace, old: _Written | None) -> int:
 
 
 def _given(arguments: argparse.Namespace):
-    """Places, mesh and recording that were asked for; None where the built-in ones are."""
+    """The places, mesh and recording that were asked for; None where the built-in ones are used."""
     from ..environment_files import read_environment
     from ..files import read_mesh, stand
     from ..recording import Recording
