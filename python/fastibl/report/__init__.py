@@ -60,7 +60,7 @@ MORE: tuple[tuple[str, Callable[[Inputs], Section]], ...] = (
 
 @dataclass
 class Report:
-    """head: what was measured, where and when. seconds: wall and CPU time of each part."""
+    """head: what was measured, where and when. seconds: wall time and CPU time of each part."""
 
     head: dict[str, Any]
     sections: list[Section]
@@ -77,7 +77,7 @@ def gathered(
     recording: tuple[str, Recording] | None = None,
     effort: Effort = QUICK,
 ) -> Inputs:
-    """What to measure on; what is not given is built in: the room, the figurine, a walk through the room."""
+    """What to measure with. What is not given is built in: the room, the figurine, a walk through the room."""
     if recording is None:
         follow, sweep = simulated(effort)
         name = "a simulated walk through the built-in room"
@@ -89,7 +89,7 @@ def gathered(
 
 
 def _contents(inputs: Inputs) -> dict[str, str]:
-    """What tells one mesh or map from another of its name, alike on every machine."""
+    """What tells a mesh or map from another one of the same name; equal on every machine."""
     mesh = inputs.mesh
     maps = {f"the map {n}": f"{c.size} texels, mean {float(c.faces.mean()):.3g}" for n, c in inputs.places.items()}
     return {"the mesh": f"{inputs.mesh_name}, {len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles", **maps}
@@ -130,7 +130,8 @@ def make_report(
 
 
 def write_report(report: Report, out: Path, against: Comparison | None = None) -> Path:
-    """Writes report.html, report.json and plots/ to `out`; returns the page's path. against: shown on the page too."""
+    """Writes report.html, report.json and plots/ to `out`; returns the page's path. against: a comparison that the page
+    shows, too."""
     from .page import write_page
 
     if against is not None:

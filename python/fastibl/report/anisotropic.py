@@ -43,7 +43,7 @@ def measure(inputs: Inputs) -> Section:
     truths = {alpha: _truth(inputs, n, t, v, alpha) for alpha in effort.alphas}
     settings = [("taps", k) for k in _TAPS] + [("gradient", k) for k in (1, 4, 16)]
     settings += [("sampled", k) for k in (16, 64, 256)]
-    # The gradient and samples read the paper's own levels: plain means over squares of texels.
+    # The gradient and the samples read the paper's own levels, which are plain means over squares of texels.
     lit = {"taps": {name: Lighting(cube) for name, cube in inputs.places.items()}}
     lit["gradient"] = lit["sampled"] = {name: Lighting(cube, glossy="mip") for name, cube in inputs.places.items()}
     count = effort.batch // 5

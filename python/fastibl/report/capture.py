@@ -1,4 +1,4 @@
-"""Capture: how far the light as two cameras saw it is from the true light."""
+"""Capture: how far the light that two cameras saw is from the true light."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _capture(recording: Recording, scene: Scene, method: str, size: int, distanc
         found.append(float(np.median(errors)))
         predicted.append(result.predicted_error)
         environment = result.environment
-    # The mean, as the paper's method does nothing in most frames.
+    # The mean, because the paper's method does nothing in most frames.
     time = replace(timing(spent, spent), median=float(np.mean(spent)))
     return _Captured(present(environment), time, times, found, predicted)
 

@@ -1,15 +1,15 @@
-"""Two reports against each other: what became better or worse, beyond what their spread explains.
+"""Compares two reports: what became better or worse by more than their spread explains.
 
-The rule, for rows that both have (same step, method, setting, case, metric, threads and back end):
+The rule, for rows that both reports have (same step, method, setting, case, metric, threads and back end):
 
 - An error is worse where it is more than 5 % above the old one, and by more than 0.0005 (0.05 %); better likewise.
 - A bias is judged by its size, in the same way.
 - A time is worse where its 10th percentile is more than 1.25 times the old 90th percentile, both in yardsticks of
   their own run, and longer than a microsecond; better likewise. Times from another machine are shown, but do not count.
 
-- An error that is not there any more, where the row is, was NaN: that is worse.
+- An error that became NaN, while its row is still there, is worse.
 
-What is worse is a regression, and so is a step of which no row is left.
+Whatever is worse is a regression; so is a step of which no row is left.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from .section import Section, Table
 ERROR_FACTOR, ERROR_LEAST = 1.05, 5e-4
 TIME_FACTOR, TIME_LEAST = 1.25, 1e-6
 _SHOWN = 60
-_NO_ERRORS = ("MiB",)  # metrics whose values are no errors
+_NO_ERRORS = ("MiB",)  # metrics whose values are not errors
 
 
 @dataclass(frozen=True)
 class Change:
-    """ratio: new by old, of the error or of the time in yardsticks. worse: None where it is within the spread."""
+    """ratio: new divided by old, of the error or of the time in yardsticks. worse: None where the change is within the
+    spread."""
 
     old: Row
     new: Row
@@ -74,7 +75,7 @@ class Comparison:
 
     @property
     def not_counted(self) -> int:
-        """Times that are longer, on another machine."""
+        """Number of times that are longer, but on another machine."""
         return 0 if self.same_machine else sum(bool(c.worse) for c in self.changes if c.of == "time")
 
 
@@ -101,7 +102,8 @@ def compare(old: Sequence[Row], new: Sequence[Row], name: str = "the old report"
 
 
 def of_other_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-    """What two reports' heads say that was not the same: rows of other things do not compare. Empty where nothing is."""
+    """What differs between two reports' heads; rows of different inputs cannot be compared. Empty where nothing
+    differs."""
     out = []
     if (was := old.get("effort")) and was != new.get("effort"):
         out.append(f"the effort ({was}, now {new.get('effort')})")
@@ -113,7 +115,7 @@ def of_other_inputs(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
 def _error_change(a: Row, b: Row) -> Change:
     old, new = (np.nan if r.error is None else abs(r.error) for r in (a, b))
     of = "bias" if "bias" in a.metric else "error"
-    if not (np.isfinite(old) and np.isfinite(new)):  # a method that begins, or ceases, to give NaN
+    if not (np.isfinite(old) and np.isfinite(new)):  # a method that gives NaN now, or did before
         worse = None if np.isfinite(old) == np.isfinite(new) else bool(np.isfinite(old))
         return Change(a, b, of, {None: 1.0, True: np.inf, False: 0.0}[worse], worse)
     least = ERROR_LEAST if "degrees" not in a.metric and "metres" not in a.metric else 0.0
@@ -154,7 +156,7 @@ def _lines(changes: Sequence[Change]) -> list[list[str]]:
 
 
 def as_text(c: Comparison) -> str:
-    """For people at a terminal: the worst first."""
+    """For people at a terminal, with the worst first."""
     out = []
     for title, changes in (("worse", c.worse), ("better", c.better)):
         for line in _lines(changes[:_SHOWN]):

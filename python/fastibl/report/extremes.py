@@ -20,7 +20,7 @@ def measure(inputs: Inputs) -> Section:
     quick = inputs.effort.name != "full"
     cases = all_cases(backend="cpu" if quick or gl_device()[1] else "all")
     if quick:
-        # A few of each step, none that takes seconds: the full report, and `fastibl extremes`, run all.
+        # A few cases of each step, none that takes seconds: the full report and `fastibl extremes` run all of them.
         by_step = defaultdict(list)
         for case in cases:
             if not case.long:

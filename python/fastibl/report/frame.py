@@ -1,4 +1,4 @@
-"""Whole frames: the picture against the one that a perfect system would make, and the time of every pass."""
+"""Whole frames: the picture compared with that of a perfect system, and the time of every pass."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ light does (lighting, shadow, shading, compositing), on one core."""
 
 
 def variants() -> dict[str, Methods]:
-    """Choices of methods: the default, the paper's, and the default with one step as the paper has it."""
+    """Choices of methods: the default, the paper's, and the default with one step as in the paper."""
     each: dict[str, Methods] = {
         f"auto but {step}={getattr(PAPER, step)}": {step: getattr(PAPER, step)} for step in _STEPS
     }
@@ -56,7 +56,8 @@ class _View:
 
 
 def _posed(recording: Recording) -> tuple[Frame, Pose] | None:
-    """The last frame with a back picture and a pose: true, given, or as tracked, which is as good to compare at."""
+    """The last frame with a back picture and a pose. The pose is true, given or tracked: any of them serves the
+    comparison."""
     for frame in reversed([f for f in recording if f.back is not None]):
         if truth_of(recording).poses:
             return frame, truth_of(recording).pose(frame.time)
@@ -84,7 +85,7 @@ def _view(inputs: Inputs, places: Mapping[str, CubeMap]) -> _View:
 
 
 def _alone(inputs: Inputs, view: _View, methods: Methods, places: Mapping[str, CubeMap]):
-    """Pictures by place, their errors and biases."""
+    """Pictures by place, with their errors and biases."""
     recording = inputs.follow
     response = recording.rig.back.response
     session = Session(inputs.scene, recording.rig, None, next(iter(places.values())), methods=methods)
@@ -98,8 +99,8 @@ def _alone(inputs: Inputs, view: _View, methods: Methods, places: Mapping[str, C
 
 
 def _times(inputs: Inputs, view: _View) -> tuple[dict[str, Timing], float, float]:
-    """Of a frame in which the light changed a little, for each variant, side by side; the yardstick; and the CPU
-    seconds of the default's first frame under wholly other light, for which methods are chosen anew."""
+    """The time of a frame in which the light changed a little, for each variant, side by side; the yardstick; and the
+    CPU seconds of the default's first frame in wholly different light, for which methods are chosen anew."""
     sessions = {
         name: Session(inputs.scene, inputs.follow.rig, None, inputs.stream(0), methods=methods)
         for name, methods in variants().items()
@@ -114,19 +115,20 @@ def _times(inputs: Inputs, view: _View) -> tuple[dict[str, Timing], float, float
     calls = {name: lambda k, name=name: one(name, inputs.stream(k)) for name in sessions}
     timings, yard = side_by_side(calls, inputs.effort.rounds, warm=STREAM)
     here = inputs.stream(0)
-    others = [CubeMap(4 * here.faces), here]  # by turns: as far apart as another place, where there is one place alone
+    others = [CubeMap(4 * here.faces), here]  # in turn: as different as another place, even with one place alone
     return timings, yard, measure_calls(lambda cube: one("auto", cube), others, 3, warm=0).cpu
 
 
 def _bias(image: NDArray, true: TruePicture, back: NDArray, response: Response) -> float:
-    """Mean of the picture by that of the truth, less 1, where the object or its shadow is, in linear light."""
+    """The mean of the picture divided by that of the truth, less 1, where the object or its shadow is, in linear
+    light."""
     where = (true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 1)
     truth = np.clip(true.linear[where], 0, 1)
     return float(response.decode(image / 255.0)[where].mean(dtype=np.float64) / truth.mean() - 1)
 
 
 def _of_truth(cube: CubeMap) -> CubeMap:
-    """A map in the resolution that truth sums over."""
+    """A map in the resolution over which the truth sums."""
     faces = level_at_most(cube, 32).astype(np.float32)
     times = max(1, 32 // faces.shape[1])
     return CubeMap(np.repeat(np.repeat(faces, times, axis=1), times, axis=2))
@@ -142,7 +144,8 @@ def measure(inputs: Inputs) -> Section:
     if _posed(recording) is None:
         section.missing = "The recording holds no back picture whose pose is known or can be tracked."
         return section
-    # Truth sums over 32 squared texels a face, so the methods get the map in that resolution: the errors are theirs.
+    # The truth sums over 32 squared texels a face. The methods get the map in that resolution, so that the errors are
+    # theirs.
     chosen = list(inputs.places.items())[: inputs.effort.frame_maps]
     places = {name: _of_truth(cube) for name, cube in chosen}
     view = _view(inputs, places)
@@ -166,7 +169,7 @@ def measure(inputs: Inputs) -> Section:
 
 
 def _strip(view: _View, place: str, pictures: Mapping[str, NDArray]) -> Strip:
-    """Truth, both choices and their differences, cut to where something happens."""
+    """Truth, both choices and their differences, cut to the part of the picture where they show something."""
     true, back = view.truths[place], view.back
     changed = np.argwhere((true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 8))
     (top, left), (bottom, right) = changed.min(axis=0), changed.max(axis=0) + 1
@@ -212,7 +215,7 @@ def _everything(section: Section, inputs: Inputs) -> None:
         rows.append(row(methods, case, time=time_, step="frame", backend=backend, threads=threads))
         if (backend, threads) == ("cpu", 1):
             names = {name for p in passes for name in p} - {"total"}
-            slowed = spent.cpu / max(spent.median, 1e-9)  # by others on this machine
+            slowed = spent.cpu / max(spent.median, 1e-9)  # by other programs on this machine
             parts[methods] = {n: slowed * float(np.mean([p.get(n, 0.0) for p in passes])) for n in names}
     section.rows += rows
     section.tables.append(

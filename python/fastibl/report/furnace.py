@@ -1,4 +1,4 @@
-"""The white furnace: in a room of one colour everything white looks that colour, whatever the method."""
+"""The white furnace: in a room of one colour, everything white must have that colour, whatever the method."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def measure(inputs: Inputs) -> Section:
 
 
 def _colour(inputs: Inputs, white: CubeMap) -> list[str]:
-    """The shadow in a white room has no colour: all channels the same."""
+    """The shadow in a white room must have no colour: all channels are the same."""
     image = MeshShadow(inputs.mesh).cast(white).image
     off = float(np.abs(image - image.mean(axis=-1, keepdims=True)).max())
     return ["colour of a shadow in white light", "mesh", signed(-off), signed(off), _verdict(off)]

@@ -1,4 +1,4 @@
-"""How cost grows: with the map, the spheres, the picture, the lights and the object."""
+"""How cost grows with the map, the spheres, the picture, the lights and the object."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def measure(inputs: Inputs) -> Section:
         ("vertices", "Self-shadow when the light changed, by object", "vertices", _vertices(inputs)),
     ):
         flat = {f"{m} {x}": call for m, each in calls.items() for x, call in each.items()}
-        # Light is looked up in microseconds.
+        # A look-up of lights takes microseconds.
         timings, yard = side_by_side(flat, rounds, each_at_least=5e-3 if name == "lights" else 0.0)
         lines = {}
         for m, each in calls.items():
@@ -45,7 +45,7 @@ def measure(inputs: Inputs) -> Section:
             for x in each:
                 time = timings[f"{m} {x}"].of_cpu
                 section.rows.append(row(m, f"{x} {label}", time=time, step=f"growth {name}", yard=yard))
-            at = [max(x, 0.5) for x in each]  # none has its place on a log axis too
+            at = [max(x, 0.5) for x in each]  # a log axis has no place for 0
             lines[m] = (at, seconds)
             sizes = list(each)
             table.append([title, m, f"{sizes[0]}: {seconds_text(seconds[0])}", f"{sizes[-1]}: {seconds_text(seconds[-1])}",
@@ -76,7 +76,7 @@ def _maps(inputs: Inputs) -> Calls:
             faces = cube.level(int(np.log2(cube.size // n)))
         else:
             faces = np.repeat(np.repeat(cube.faces, n // cube.size, axis=1), n // cube.size, axis=2)
-        # Two that differ, so that nothing can be kept from the last.
+        # Two different maps in turn, so that nothing can be reused from the last call.
         made[n] = (CubeMap(np.ascontiguousarray(faces)), CubeMap(np.ascontiguousarray(faces[:, :, ::-1])))
     return {
         "default": {n: lambda k, c=c: Lighting(c[k % 2]) for n, c in made.items()},
@@ -90,7 +90,7 @@ def _spheres(inputs: Inputs) -> Calls:
     cubes = list(inputs.places.values())
     where: dict[str, Any] = {"resolution": 64, "extent": 0.2, "centre": (0.0, 0.0), "outer": False}
     fitted = [inputs.spheres(n) for n in _SPHERES]
-    given = {len(s): s for s in fitted}  # as many as were made
+    given = {len(s): s for s in fitted}  # there may be fewer than were asked for
 
     def cast(method: str, spheres: NDArray, k: int) -> ShadowMap:
         return cast_shadow(cubes[k % len(cubes)], spheres, method, **where)

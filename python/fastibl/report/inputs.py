@@ -1,4 +1,4 @@
-"""What a report is about: places, an object, recordings, and how much effort goes into each number."""
+"""What a report measures with: places, an object, recordings, and how much effort goes into each number."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..recording import Recording
 from ..viewpoint import looking
 
 SIZE = 128  # face edge of the maps, texels
-HEIGHT = 0.12  # of the object, metres
+HEIGHT = 0.12  # height of the object, metres
 POSITION = (0.0, 0.0, HEIGHT / 2)
-STREAM = 4  # frames
+STREAM = 4  # frames after which a session takes changing light for such, see Inputs.stream
 MATERIAL = Material(diffuse=(0.62, 0.6, 0.57), glossy=(0.16, 0.16, 0.16), exponent=80.0)
 
 
@@ -28,24 +28,24 @@ class Effort:
     """How many samples and repetitions stand behind each number."""
 
     name: str
-    normals: int  # for the diffuse truth
-    pairs: int  # of normal and view, at each of five angles
+    normals: int  # normals of the diffuse truth
+    pairs: int  # pairs of normal and view, at each of five angles
     exponents: tuple[int, ...]
     alphas: tuple[tuple[float, float], ...]
     lobes: int  # normals for each pair of alphas
     grid: int  # points along an edge of the shadow
     vertices: int
-    rounds: int  # of timing
+    rounds: int  # rounds of timing
     batch: int  # normals in a timed call
-    follow: tuple[float, float]  # seconds and pictures a second of the recording that is tracked
-    sweep: tuple[float, float]  # of that which is captured from
+    follow: tuple[float, float]  # seconds, and pictures a second, of the recording that is tracked
+    sweep: tuple[float, float]  # the same for the recording that is captured from
     sweep_size: tuple[int, int]
-    frame_maps: int  # places that whole frames are compared in
+    frame_maps: int  # places in which whole frames are compared
     picture: int  # pixels along an edge of a picture of a sphere
-    suns: tuple[float, ...]  # strengths, radiance by the sky's mean
+    suns: tuple[float, ...]  # strengths: radiance divided by the sky's mean
     map_sizes: tuple[int, ...]
     pixels: tuple[int, ...]  # widths of pictures
-    limit: float  # seconds on two cores
+    limit: float  # seconds that the report may take on two cores
 
 
 QUICK = Effort(
@@ -60,7 +60,8 @@ FULL = Effort(
 
 
 def sun_and_sky(strength: float = 3e4, texels: int = 1, size: int = SIZE) -> CubeMap:
-    """A clear sky over grey ground, and a sun of `texels` texels: `strength` times as bright as the sky's mean of 1."""
+    """A clear sky over grey ground, and a sun of `texels` texels that is `strength` times as bright as the sky's mean
+    of 1."""
     d = texel_directions(size).astype(np.float64)
     up = np.clip(d[..., 2], 0, 1)[..., None]
     sky = (1 - up) * [1.25, 1.2, 1.1] + up * [0.45, 0.75, 1.3]
@@ -116,49 +117,51 @@ class Inputs:
 
     @cached_property
     def channels(self) -> NDArray[np.float32]:
-        """Faces (6, n, n, 3 k) of all places, side by side: what a lobe weighs is worked out once for all."""
+        """Faces (6, n, n, 3 k) of all places, side by side, so that a lobe's weights are computed once for all of
+        them."""
         return np.concatenate([cube.faces for cube in self.places.values()], axis=-1)
 
     def stream(self, frame: int) -> CubeMap:
-        """Light that changes a little in every frame, as captured light does: the first place, its half 1 % brighter.
+        """Light that changes a little in every frame, as captured light does: the first place with a half of it 1 %
+        brighter.
 
-        A map that no frame had before; after STREAM frames a session takes them for such light.
+        Each call gives a new map; after STREAM frames a session takes them for light that changes like this.
         """
         faces = next(iter(self.places.values())).faces
         return CubeMap(np.concatenate([faces[:3] * np.float32(1 + 0.01 * (frame % 2)), faces[3:]]))
 
     def by_place(self, values: NDArray) -> dict[str, NDArray]:
-        """(..., 3 k) to (..., 3) by name."""
+        """Splits (..., 3 k) into (..., 3) by name."""
         return {name: values[..., 3 * k : 3 * k + 3] for k, name in enumerate(self.places)}
 
 
 def built_in_mesh(effort: Effort = FULL) -> Mesh:
-    """The figurine; for a quick report of the fewest triangles that it can have."""
+    """The figurine; for a quick report, with the fewest triangles that it can have."""
     return shapes.figurine(HEIGHT, 0.9 if effort.name != "full" else 1.0)
 
 
 def pose_around(turn: float = 0.0) -> Pose:
-    """Of a camera half a metre away that looks down at the object, turned around it."""
+    """The pose of a camera half a metre away that looks down at the object, turned around it."""
     eye = np.array([0.5 * np.sin(turn), -0.5 * np.cos(turn), 0.35])
     return looking(np.array([0.0, 0.0, 0.05]) - eye, eye)
 
 
 def beginning(recording: Recording, effort: Effort) -> Recording:
-    """The first frames of a recording, as many as are tracked in a simulated one."""
+    """The first frames of a recording, as many as a simulated recording has for tracking."""
     count = max(2, round(effort.follow[0] * effort.follow[1]))
     frames = [recording[k] for k in range(min(count, len(recording)))]
     return Recording(recording.rig, frames, recording.board, recording.truth)
 
 
 def thinned(recording: Recording, effort: Effort) -> Recording:
-    """Frames from all of a recording, as many as are captured from in a simulated one."""
+    """Frames from all over a recording, as many as a simulated recording has for capture."""
     count = max(2, round(effort.sweep[0] * effort.sweep[1]))
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(count, len(recording))).round().astype(int))
     return Recording(recording.rig, [recording[int(k)] for k in chosen], recording.board, recording.truth)
 
 
 def simulated(effort: Effort, environment: CubeMap | None = None) -> tuple[Recording, Recording]:
-    """The recordings that are tracked and captured from: in the built-in room, or another place."""
+    """The recordings for tracking and for capture, in the built-in room or another place."""
     from ..simulator import simulate
 
     common: dict[str, Any] = {"seed": 0, "position": POSITION, "lamp": False, "hand": False}

@@ -1,4 +1,4 @@
-"""Labels beside points, none over another: greedy, by what each place would hide."""
+"""Places labels beside points so that none covers another: greedily, by what each place would hide."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_MARKER = 8.0  # pixels around a point that a label keeps free, at 100 dots an inch
+_MARKER = 8.0  # pixels around a point that labels keep free, at 100 dots an inch
 _AWAY = (9.0, 17.0, 28.0, 42.0, 60.0)  # pixels from a point to its label
-_LEADER = 14.0  # from here on a thin line leads from the label to its point
+_LEADER = 14.0  # from this distance on, a thin line leads from the label to its point
 _AROUND = 16  # directions that are tried
 
 
 def readable(colour: str) -> str:
-    """#rrggbb of words in a colour of lines: dark enough on white (WCAG 2.2, 1.4.3)."""
+    """#rrggbb for words in the colour of a line, dark enough on white (WCAG 2.2, 1.4.3)."""
     return "#" + "".join(f"{round(0.72 * int(colour[k : k + 2], 16)):02x}" for k in (1, 3, 5))
 
 
 @dataclass(frozen=True)
 class Label:
-    """text beside the point (x, y) of the axes' data; what has the smaller rank is placed first."""
+    """The text beside the point (x, y) in the axes' data; labels with a smaller rank are placed first."""
 
     text: str
     x: float
@@ -32,7 +32,7 @@ class Label:
 
 
 def _overlap(box: NDArray, others: NDArray) -> float:
-    """Area that a box (4,) x0 y0 x1 y1 shares with others (n, 4)."""
+    """The area that a box (4,) x0 y0 x1 y1 shares with others (n, 4)."""
     if not len(others):
         return 0.0
     width = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
@@ -41,23 +41,23 @@ def _overlap(box: NDArray, others: NDArray) -> float:
 
 
 def _candidates(at: NDArray, size: NDArray) -> list[tuple[float, NDArray]]:
-    """Boxes around a point, with their distance from it: right and above first."""
+    """Boxes around a point, with their distance from it; those to the right and above come first."""
     out = []
     for away in _AWAY:
         for k in range(_AROUND):
             angle = np.pi / 8 + 2 * np.pi * k / _AROUND
             towards = np.array([np.cos(angle), np.sin(angle)])
-            # The box touches the ray at its nearest edge: its middle moves along by half its size.
+            # The box touches the ray with its nearest edge: its middle lies half its size further along.
             middle = at + away * towards + towards * size / 2 * [1.0, 1.0]
             out.append((away, np.concatenate([middle - size / 2, middle + size / 2])))
     return out
 
 
 def place(axes: Any, labels: list[Label], avoid: NDArray, size: float = 8.5) -> None:
-    """Draws labels. avoid: (n, 2) data points besides those of the labels that should stay in sight."""
+    """Draws labels. avoid: (n, 2) data points, besides those of the labels, that should stay visible."""
     figure = axes.figure
     figure.canvas.draw()
-    figure.set_layout_engine("none")  # the axes stay where labels are placed for
+    figure.set_layout_engine("none")  # the axes must stay where they are now
     renderer, unit = figure.canvas.get_renderer(), figure.dpi / 100
     frame = axes.get_window_extent(renderer)
     points = axes.transData.transform([(label.x, label.y) for label in labels])

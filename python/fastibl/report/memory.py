@@ -1,4 +1,4 @@
-"""Memory: of what is kept for a scene, and of the process."""
+"""Memory: of what is kept for a scene, and of the whole process."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _MIB = 1024 * 1024
 
 
 def resident() -> int | None:
-    """Bytes of this process that lie in memory; None where the system does not say.
+    """Bytes of this process that lie in memory; None where the system does not tell.
 
-    What the allocator keeps of what was freed is given back first, so that new things do not hide in it.
+    First, freed memory that the allocator still holds is given back, so that new things do not hide in it.
     """
     try:
         trim = ctypes.CDLL(None).malloc_trim
-    except (OSError, AttributeError, TypeError):  # not the GNU C library
+    except (OSError, AttributeError, TypeError):  # the C library is not GNU's
         pass
     else:
         trim(0)
@@ -32,7 +32,7 @@ def resident() -> int | None:
 
 
 def largest() -> int | None:
-    """Bytes at the highest point of this process."""
+    """The largest number of bytes that this process ever used."""
     try:
         import resource
         import sys

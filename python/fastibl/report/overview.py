@@ -1,4 +1,4 @@
-"""All steps at a glance, and the signed bias of every term."""
+"""All steps at a glance, with the signed bias of every term."""
 
 from __future__ import annotations
 

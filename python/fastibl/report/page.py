@@ -1,4 +1,4 @@
-"""The report as one page that needs nothing else."""
+"""The report as one page that needs no other files."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ nav { display: none; } .page { display: block; } section { break-inside: avoid-p
 """
 )
 
-_BESIDE = 7  # columns that a table beside a plot may have
-_LONG = 26  # characters from which on a column of a table is prose
+_BESIDE = 7  # most columns of a table that stands beside a plot
+_LONG = 26  # characters from which on a column counts as prose
 
 
 def _table(t: Table) -> str:
@@ -102,7 +102,7 @@ def _image(name: str, title: str, svg: bytes, wide: bool = False) -> str:
 
 
 def _in_words(c: Frontier) -> str:
-    """A plot for those who do not see it."""
+    """A plot in words, for people who cannot see it."""
     ahead = "; ".join(f"{p.label}: {p.error:.3g} in {seconds_text(p.seconds)}" for p in frontier(c.points))
     return f"{c.title}: {c.error} against {c.time}. On the frontier: {ahead}."
 
@@ -148,7 +148,7 @@ def write_page(report: Report, out: Path) -> Path:
     head = report.head
     meta = " · ".join(str(v) for v in (head["machine"], f"fastibl {head['version']} {head['commit']}".strip(),
                                        head["date"], f"{head['effort']} report, {head['seconds']:.0f} s"))  # fmt: skip
-    # Truth, default and the paper's, without the differences.
+    # The truth, the default's picture and the paper's, without the differences.
     shown = "".join(pages.figure(p, c) for c, p in hero.pictures if "difference" not in c) if hero else ""
     body = "".join(section_html(s, drawn) for s in report.sections)
     places = ", ".join(html.escape(p) for p in head["places"])

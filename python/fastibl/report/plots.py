@@ -1,4 +1,5 @@
-"""Plots: error against time with the frontier, and lines. Colours by Okabe and Ito, who see them as colour-blind do."""
+"""Plots: error against time with the frontier, and lines. The colours are by Okabe and Ito, who see them as the
+colour-blind do."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ _INK, _SOFT = "#1c2430", "#8a949e"
 
 @dataclass(frozen=True)
 class Frontier:
-    """A plot of error against time. name: of its file. paper, chosen: labels of the points to mark. unit: of the error,
-    "%" for a share."""
+    """A plot of error against time. name: that of its file. paper, chosen: labels of the points to mark. unit: that of
+    the error, "%" for a share."""
 
     name: str
     title: str
@@ -34,8 +35,8 @@ class Frontier:
 
 @dataclass(frozen=True)
 class Lines:
-    """A plot of lines: values by name. dashed: names of lines that are drawn so. wide: whether it takes the full width.
-    mark: (from, to, text) along x."""
+    """A plot of lines: values by name. dashed: names of the lines that are drawn dashed. wide: whether it takes the
+    full width. mark: (from, to, text) along x."""
 
     name: str
     title: str
@@ -53,7 +54,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Dumbbells:
-    """A plot of pairs, one a line: title, (error, seconds) by default, and by the paper's method or None."""
+    """A plot of pairs, one per line: title, the default's (error, seconds), and those of the paper's method or None."""
 
     name: str
     title: str
@@ -68,7 +69,7 @@ def _figure(width: float, height: float) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=100, layout="constrained")
-    FigureCanvasAgg(figure)  # which labels are measured with
+    FigureCanvasAgg(figure)  # needed to measure labels
     return figure
 
 
@@ -91,7 +92,7 @@ _STEPS = ((1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), (1, 1.2, 1.4, 1.6, 1.8,
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """Round numbers on a log axis: the coarsest steps that give three."""
+    """Round numbers on a log axis: the coarsest steps that give three of them."""
     decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     found: list[float] = []
     for steps in _STEPS:
@@ -121,14 +122,14 @@ def _dress(axes: Any, x: str, y: str) -> None:
 
 
 def _limits(values: Sequence[float], below: float, above: float) -> tuple[float, float]:
-    """Of a log axis: values with some room, at least half a decade."""
+    """The limits of a log axis: the range of values with some room, of at least half a decade."""
     low, high = min(values), max(values)
     room = max(np.log10(high / low), 0.5)
     return low / 10 ** (below * room), high * 10 ** (above * room)
 
 
 def _labels(points: Sequence[Point], marked: Mapping[str, str], colour: Mapping[str, str]) -> list[Label]:
-    """One a point: the method's name once, and what its other points set."""
+    """One label per point. A method's name appears once; its other points are labelled with their setting."""
     named: set[str] = set()
     out = []
     for p in sorted(points, key=lambda p: (p.method, bool(p.setting), p.seconds)):
@@ -140,8 +141,9 @@ def _labels(points: Sequence[Point], marked: Mapping[str, str], colour: Mapping[
 
 
 def draw_frontier(chart: Frontier, width: float = 6.5, height: float = 4.7) -> Any:
-    """The figure: a step line joins what nothing beats in both; ours is a filled star, the paper's a hollow diamond."""
-    # An exact result has no place on a log axis; nothing here resolves errors below this.
+    """The figure. A step line joins the points that no other beats in both; ours is a filled star, the paper's a hollow
+    diamond."""
+    # An exact result has no place on a log axis; nothing here resolves errors below 1e-7.
     points = [Point(p.method, p.setting, p.seconds, max(p.error, 1e-7)) for p in chart.points]
     figure = _figure(width, height)
     axes = figure.add_subplot()
@@ -176,7 +178,7 @@ def draw_frontier(chart: Frontier, width: float = 6.5, height: float = 4.7) -> A
 
 
 def _series(points: Sequence[Point]) -> list[tuple[float, float]]:
-    """The points of a method along its one setting, where it has one with whole numbers; none where it has more."""
+    """A method's points along its setting, if it has a single setting with whole numbers; otherwise none."""
     found = [(p.setting.partition("="), p) for p in points if p.setting]
     if len({key for (key, _, _), _ in found}) != 1 or not all(v.isdigit() for (_, _, v), _ in found):
         return []
@@ -243,7 +245,7 @@ def draw_lines(chart: Lines, width: float = 4.9, height: float = 3.5) -> Any:
 
 
 def draw_dumbbells(chart: Dumbbells, width: float = 10.4) -> Any:
-    """Errors at the left, times at the right: the default's star and the paper's diamond, joined."""
+    """Errors on the left, times on the right: the default's star and the paper's diamond, joined by a line."""
     from matplotlib.ticker import EngFormatter
 
     figure = _figure(width, 0.75 + 0.42 * len(chart.pairs))
@@ -273,7 +275,7 @@ def draw(chart: Chart) -> Any:
 
 
 def svg(figure: Any) -> bytes:
-    """The same bytes for the same figure."""
+    """The figure as SVG; the same bytes for the same figure."""
     import matplotlib
 
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""What a part of the report is made of; each step's module returns one."""
+"""What a part of the report consists of; each step's module returns one Section."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .plots import Chart
 
 @dataclass(frozen=True)
 class Table:
-    """head, rows: texts; the first column is the name. marked: by index of a row, "chosen" or "paper". note: below. compact: beside a
-    plot."""
+    """head, rows: texts; the first column is the name. marked: "chosen" or "paper", by index of a row. note: below the
+    table. compact: whether it stands beside a plot."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -37,10 +37,10 @@ class Strip:
 
 @dataclass
 class Section:
-    """name: short, for links. what: is measured, and how. seen: what one sees, sentences made from the numbers.
+    """name: short, for links. what: what is measured, and how. seen: what one sees, in sentences made from the numbers.
 
-    text: preformatted text with its title. missing: why there is nothing, where there is nothing. best: the results
-    (steps.Result) that carry the marks "chosen" and "paper", for the overview.
+    text: preformatted text with its title. missing: the reason, if there is nothing to show. best: the results
+    (steps.Result) with the marks "chosen" and "paper", for the overview.
     """
 
     name: str

@@ -30,7 +30,7 @@ _Candidate = tuple[_Light, Callable[[], "SelfShadow | NDArray"] | None]
 
 
 def _candidates(inputs: Inputs) -> dict[tuple[str, str], _Candidate]:
-    """By method and setting: a function from lighting to light at all vertices (v, 3), and one that prepares it."""
+    """By method and setting: a function from lighting to the light at all vertices (v, 3), and one that prepares it."""
     mesh = inputs.mesh
     normals = mesh.normals
     out: dict[tuple[str, str], _Candidate] = {("none", ""): (lambda l: l.irradiance(normals), None)}

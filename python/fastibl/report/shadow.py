@@ -76,7 +76,7 @@ def measure(inputs: Inputs) -> Section:
             shadow: ShadowMap = cast(cube)
             ratio, true = shadow.sample(points).astype(np.float64), truths[name]
             errors[name] = float(np.sqrt(((ratio - true) ** 2).mean()))
-            # Of the light that is missing: a shadow that is too weak has a bias below 0.
+            # The bias of the missing light: a shadow that is too weak has one below 0.
             biases[name] = float((1 - ratio).sum() / max((1 - true).sum(), 1e-12) - 1)
         mark = CHOSEN if (method, setting) == default else ""
         mark = BY_PAPER if (method, setting) == (PAPER.shadow, "spheres=50") else mark

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from .section import Strip
 
-VIEW = np.array([0.0, -0.94, 0.342])  # towards the eye: from the front, a little from above
-_SHOWN = 240  # pixels of a picture's edge in the page
+VIEW = np.array([0.0, -0.94, 0.342])  # towards the eye, which is in front and a little above
+_SHOWN = 240  # pixels of a picture's edge on the page
 
 
 def surface(size: int) -> NDArray:
-    """Unit normals (size^2, 3) of the sphere's pixels, row by row; beside it those of the nearest point of its edge."""
+    """Unit normals (size^2, 3) of the sphere's pixels, row by row; pixels beside the sphere have the normal at the
+    nearest point of its edge."""
     view = VIEW / np.linalg.norm(VIEW)
     right, up = np.array([1.0, 0, 0]), np.cross(np.array([1.0, 0, 0]), -view)
     axis = (np.arange(size) + 0.5) / size * 2 - 1
@@ -26,12 +27,12 @@ def surface(size: int) -> NDArray:
 
 
 def encoded(linear: NDArray, scale: float) -> NDArray[np.uint8]:
-    """Linear radiance as shown, sRGB's gamma nearly."""
+    """Linear radiance as it is shown, nearly with sRGB's gamma."""
     return (np.clip(np.asarray(linear, np.float64) * scale, 0, 1) ** (1 / 2.2) * 255).astype(np.uint8)
 
 
 def tenfold(difference: NDArray, scale: float, times: float = 10.0) -> NDArray[np.uint8]:
-    """`times` a difference of linear radiance: grey is none, brighter is too bright."""
+    """`times` a difference of linear radiance: grey means none, and brighter means too bright."""
     return (np.clip(0.5 + times / 2 * np.asarray(difference, np.float64) * scale, 0, 1) * 255).astype(np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""Shared by the steps: errors of a method over places, its rows, and the table beside its plot."""
+"""Shared by the steps: a method's errors over places, its rows, and the table beside its plot."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ CHOSEN, PAPER = "chosen", "paper"
 
 @dataclass
 class Result:
-    """One method and setting. errors: mean over samples, by place. biases: mean of estimate by mean of truth, less 1.
+    """One method and setting. errors: mean over samples, by place. biases: mean of the estimate divided by mean of the
+    truth, less 1.
 
-    mark: CHOSEN, PAPER or "". extra: further columns of the table. note: beside the name in the table.
+    mark: CHOSEN, PAPER or "". extra: more columns of the table. note: text beside the name in the table.
     """
 
     method: str
@@ -51,7 +52,7 @@ def setting_of(method: Method) -> str:
 
 
 def chosen_in(given: list[Method]) -> str:
-    """What "auto" took in the places: "sh9-lobes lobes=1/4/6"."""
+    """What "auto" chose in the places: "sh9-lobes lobes=1/4/6"."""
     out = []
     for name in sorted({m.name for m in given}):
         settings = [m.settings for m in given if m.name == name]
@@ -61,7 +62,7 @@ def chosen_in(given: list[Method]) -> str:
 
 
 def sample_errors(estimated: NDArray, true: NDArray) -> NDArray:
-    """RMS over RGB of the difference, by the mean of the truth; (n,)."""
+    """RMS over RGB of the difference, divided by the mean of the truth; (n,)."""
     return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / true.mean()
 
 
@@ -73,7 +74,7 @@ def compared(estimates: Mapping[str, NDArray], truths: Mapping[str, NDArray]) ->
 
 
 def rows_of(step: str, metric: str, results: Sequence[Result], yard: float, threads: int = 1) -> list[Row]:
-    """Rows of each place, of the mean with its time, of the worst place, and of the bias."""
+    """Rows for each place, for the mean with its time, for the worst place, and for the bias."""
     out = []
     for r in results:
         common: dict[str, Any] = {"setting": r.setting, "step": step, "threads": threads}
@@ -88,7 +89,7 @@ def rows_of(step: str, metric: str, results: Sequence[Result], yard: float, thre
 
 
 def table_of(results: Sequence[Result], ahead: set[str], note: str = "") -> Table:
-    """The methods from fast to slow; those on the frontier carry a dot."""
+    """The methods from fast to slow; those on the frontier are marked with a dot."""
     extra = list(dict.fromkeys(key for r in results for key in r.extra))
     head = ["method", "error", "worst place", "bias", "time", *extra]
     ordered = sorted(results, key=lambda r: r.time.median if r.time else np.inf)
@@ -128,7 +129,7 @@ def step_section(
 
 
 def sentences(results: Sequence[Result]) -> list[str]:
-    """What the numbers say of the chosen method, and against the paper's."""
+    """What the numbers say about the chosen method, also compared with the paper's."""
     chosen = next((r for r in results if r.mark == CHOSEN), None)
     paper = next((r for r in results if r.mark == PAPER), None)
     if chosen is None or chosen.time is None:
@@ -159,7 +160,7 @@ def worst_place(results: Sequence[Result], mark: str) -> tuple[Result, str] | No
 
 
 def cpu_of(name: str, timings: Mapping[str, float], cpu: float) -> float:
-    """CPU seconds of a pass of a frame: its share of the time that passed, of the CPU time of the whole frame."""
+    """CPU seconds of one pass of a frame: the frame's CPU time, times the pass's share of the time that passed."""
     return cpu * timings.get(name, 0.0) / max(timings["total"], 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Stiff light: how errors grow while a sun becomes up to a hundred million times as bright as the sky."""
+"""Stiff light: how errors grow as a sun becomes up to a hundred million times as bright as the sky."""
 
 from __future__ import annotations
 

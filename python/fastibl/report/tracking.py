@@ -1,4 +1,4 @@
-"""Tracking: where the camera stands, from one picture of the board, by every method."""
+"""Tracking: the camera's place, from one picture of the board, by every method."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _compare(section: Section, recording: Recording, frames: list[Frame], known:
     points, marked, names = [], {}, {}
     table: list[list[str]] = []
     for method in methods("tracking"):
-        for refine in (True, False)[: 1 if method.name == "edges" else 2]:  # "edges" measures them its own way
+        for refine in (True, False)[: 1 if method.name == "edges" else 2]:  # "edges" measures in its own way
             tracker = Tracker(recording.board, recording.rig.back, method=method.name, refine=refine)
             walls, cpus, errors, shifts, lost = _followed(tracker, recording, frames, known, rounds)
             time, setting = timing(walls, cpus).of_cpu, "" if refine else "unrefined"
@@ -101,7 +101,8 @@ def _compare(section: Section, recording: Recording, frames: list[Frame], known:
 
 
 def _followed(tracker: Tracker, recording: Recording, frames: list[Frame], known: bool, rounds: int):
-    """Seconds, errors (degrees or pixels), shifts in metres and the share without a pose, over all pictures."""
+    """Seconds, errors (degrees or pixels), shifts in metres, and the share of pictures without a pose, over all
+    pictures."""
     import time
 
     walls, cpus, errors, shifts, lost = [], [], [], [], 0
@@ -120,7 +121,7 @@ def _followed(tracker: Tracker, recording: Recording, frames: list[Frame], known
             elif known:
                 true = truth_of(recording).pose(frame.time)
                 errors.append(float(np.degrees(tracked.camera_from_marker.angle_to(true))))
-                # Of where the camera stands, in the marker frame.
+                # The camera's place in the marker frame.
                 here, there = tracked.camera_from_marker.inverse().translation, true.inverse().translation
                 shifts.append(float(np.linalg.norm(here - there)))
             else:

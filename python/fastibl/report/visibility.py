@@ -1,4 +1,4 @@
-"""What an object hides, by rays to every texel of a map: worked out once, used for every place."""
+"""What an object hides, by rays to every texel of a map; computed once and used for every place."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from .._fastibl import Bvh, Mesh
 from ..measuring import all_cores
 from .inputs import Inputs
 
-_BRIGHT = 1 / 2000  # share of the plane's irradiance in any channel from which on a texel is cut into 8 x 8
+_BRIGHT = 1 / 2000  # share of the plane's irradiance, in any channel, above which a texel is cut into 8 x 8
 _CUT = 8
-_BATCH = 16  # points whose directions are held at once
+_BATCH = 16  # points whose directions are held in memory at once
 
 
 class Sky:
-    """Directions of all light, and what each stands for in each place; bright texels are cut finer.
+    """The directions of all light, and the light of each in each place; bright texels are cut finer.
 
-    directions: (d, 3). radiance: (d, 3 k) of k places. angles: (d,) solid angles.
+    directions: (d, 3). radiance: (d, 3 k) for k places. angles: (d,) solid angles.
     """
 
     def __init__(self, inputs: Inputs):
@@ -34,7 +34,8 @@ class Sky:
         self.radiance = np.concatenate([radiance[rest], np.repeat(radiance[bright], _CUT * _CUT, axis=0)])
 
     def without(self, mesh: Mesh, points: NDArray, normals: NDArray) -> tuple[NDArray, NDArray]:
-        """Irradiance (p, 3 k) at points (p, 3) with unit normals: with what the mesh hides, and without."""
+        """Irradiance (p, 3 k) at points (p, 3) with unit normals: without the light that the mesh hides, and with all
+        light."""
         with all_cores():
             return self._without(mesh, points, normals)
 
