@@ -1,6 +1,6 @@
-"""A suite of stiff and extreme cases for every step and both back ends, each with what is expected of it.
+"""A suite of stiff and extreme cases for every step and both back ends, each with its expectation.
 
-`run` gives a row a case; `fastibl extremes` prints them. A broken expectation is a bug.
+`run` gives a row per case; `fastibl extremes` prints them. A broken expectation is a bug.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ BACKENDS = ("cpu", "gl", "all")
 
 
 def all_cases(only: str = "", backend: str = "all") -> list[Case]:
-    """Those whose title ("shadow: two that touch, directions [gl]") holds the word, of a back end.
+    """The cases of a back end whose title ("shadow: two that touch, directions [gl]") contains the word.
 
-    Raises ValueError for another back end, and where no title holds the word.
+    Raises ValueError for another back end, and where no title contains the word.
     """
     if backend not in BACKENDS:
         raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
@@ -35,7 +35,7 @@ def all_cases(only: str = "", backend: str = "all") -> list[Case]:
 
 
 def run(only: str = "", backend: str = "all", progress: Callable[[Case], object] | None = None) -> Iterator[Row]:
-    """Runs the cases in order. progress: called with each before it is run."""
+    """Runs the cases in order. progress: called with each case before it runs."""
     for case in all_cases(only, backend):
         if progress:
             progress(case)

@@ -1,7 +1,7 @@
-"""Pictures of a board from known poses: a renderer for checks that shares nothing with the simulator.
+"""Pictures of a board from known poses, by a renderer for checks that shares nothing with the simulator.
 
-Each pixel is the mean of fine x fine rays through the full lens model; the board's page is looked up by ray,
-so there is no resampling of an already sampled picture.
+Each pixel is the mean of fine x fine rays through the full lens model. Each ray looks up the board's page, so no
+picture is sampled twice.
 """
 
 import pickle
@@ -14,7 +14,7 @@ from .._fastibl import Camera
 
 
 def look_at(tilt_degrees, distance, azimuth_degrees=0.0, roll_degrees=0.0, aim=(0.0, 0.0)):
-    """camera_from_marker (4, 4): the camera `distance` from the point `aim`, off the normal by `tilt`."""
+    """camera_from_marker (4, 4) of a camera that is `distance` from the point `aim`, off the normal by `tilt`."""
     tilt, azimuth, roll = np.radians([tilt_degrees, azimuth_degrees, roll_degrees])
     out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     z = -out
@@ -61,7 +61,7 @@ def render(
     encode=srgb,
     dpi=300,
 ):
-    """(height, width, 3) uint8. blur: sigma in px, in linear light; noise: of a white pixel, linear."""
+    """(height, width, 3) uint8. blur: sigma in pixels, in linear light; noise: that of a white pixel, linear."""
     page = page_of(board, dpi)
     y, x = (np.mgrid[: camera.height * fine, : camera.width * fine] + 0.5) / fine
     rays = _rays(camera, fine, x, y)
@@ -101,7 +101,7 @@ def _rays(camera, fine, x, y):
     if key not in _ray_cache:
         K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
         pixels = np.stack([x, y], -1).reshape(-1, 1, 2)
-        # OpenCV's own inverse of the lens model, not fastibl's; K is in the pixel convention of x and y.
+        # OpenCV's own inverse of the lens model, not fastibl's; K is in the same pixel convention as x and y.
         undistort = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
         ideal = undistort(pixels, K, np.array(camera.distortion or (0.0,) * 4))
         rays = np.concatenate([ideal.reshape(*x.shape, 2), np.ones((*x.shape, 1))], -1)

@@ -1,4 +1,4 @@
-"""Tracking: poses at the ends of what a board can be seen from, hands over the lens, glossy paper, long runs."""
+"""Tracking: poses at the limits of what shows a board, hands over the lens, glossy paper, long runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..tracking import Tracker
 from .case import Case, Outcome, both, refused
 
 CAMERA = Camera(320, 240, 280.0, 280.0, 160.0, 120.0)
-# Expected: largest error in degrees, and whether there must be a pose; other poses may be None.
+# Expected are the largest error in degrees, and whether there must be a pose; the other poses may be None.
 POSES: dict[str, tuple[dict[str, Any], float, bool]] = {
     "head-on": (dict(tilt_degrees=0, distance=0.4), 0.3, True),
     "nearly head-on": (dict(tilt_degrees=0.01, distance=0.4), 0.3, True),
@@ -155,7 +155,7 @@ def _pose(view: dict, method: str, most: float, must: bool) -> Outcome:
     return both(Outcome(error <= most or tracked.ambiguous, text), _whole(tracked))
 
 
-# --- pictures that are none
+# --- pictures that are not valid
 
 
 def _usual() -> np.ndarray:
@@ -242,7 +242,7 @@ def _exposed(exposure: float) -> Outcome:
 
 
 def _on_a_wall() -> Outcome:
-    """Seen from far, so that both minima fit; down is along the board, not into it."""
+    """A board seen from far away, so that both minima fit; down lies along the board, not into it."""
     camera = Camera(320, 240, 280.0, 280.0, 160.0, 120.0)
     picture, pose = _shot(15.0, 0.55, 90.0, 0.0, (0.0, 0.0))
     down = pose[:3, :3] @ np.array([0.0, -1, 0])

@@ -120,7 +120,7 @@ def _clean(environment: Environment) -> Outcome:
 
 @cache
 def _sweep(exposures: tuple[float, ...]) -> list[tuple[np.ndarray, Camera, Pose, float]]:
-    """8-bit pictures of the place all around, exposures in turn."""
+    """8-bit pictures of the place in all directions, with the exposures in turn."""
     camera = camera_of(64, 48)
     views = [
         (exposed(picture_of(place_light, camera, looking(d)), camera, e), camera, looking(d), e)
@@ -138,7 +138,7 @@ def _captured(views, size: int = 32, **options) -> Capture:
 
 
 def _sky_error(environment: Environment, below: float = 2.0) -> float:
-    """Relative error of the mean of texels of the sky that are no brighter than `below`, away from the lamp."""
+    """Relative error of the mean over texels of the sky that are no brighter than `below`, away from the lamp."""
     size = environment.radiance.size
     true = place_map(size)
     d = texel_directions(size)
@@ -172,7 +172,7 @@ def _stops(stops: int) -> Outcome:
 
 
 def _sun() -> Outcome:
-    """A disc of 1 degree of radiance 1e6; the shortest exposure still shows 100 times white."""
+    """A disc of 1 degree with radiance 1e6; even in the shortest exposure it shows 100 times white."""
 
     def light(d: np.ndarray) -> np.ndarray:
         disc = (d @ SUN > np.cos(np.radians(1.0)))[..., None]
@@ -222,7 +222,7 @@ def _finger_gone() -> Outcome:
 
 
 def _real_shadow() -> Outcome:
-    """A dark square of the table, 20 cm beside the middle."""
+    """A dark square on the table, 20 cm beside the middle."""
     camera, eye = camera_of(96, 72), np.array([0.0, -0.35, 0.4])
     pose = looking(np.array([0.1, 0.0, 0.0]) - eye, eye)
 
@@ -243,7 +243,7 @@ def _real_shadow() -> Outcome:
 
 
 def _near_lamp() -> Outcome:
-    """A sphere of 3 cm 20 cm from the centre, seen from cameras around it."""
+    """A sphere of 3 cm, 20 cm from the centre, seen by cameras around it."""
     lamp, centre = np.array([0.1, 0.05, 0.21]), np.array([0.0, 0.0, 0.05])
     capture, camera = Capture(size=32, centre=tuple(centre)), camera_of(64, 48)
     for k, turn in enumerate(np.linspace(0, 2 * np.pi, 24)):
@@ -301,7 +301,7 @@ def _nothing() -> Outcome:
 
 
 def _long() -> Outcome:
-    """Each of 26 pictures of a still place, 38 times; memory of Python objects and of the process."""
+    """Adds each of 26 pictures of a still place 38 times; watches the memory of Python objects and of the process."""
     views = _sweep((0.5,))
     capture = _captured(views)
     begin, mean = memory(), float("nan")
@@ -331,7 +331,7 @@ def _mean(environment: Environment) -> float:
 
 
 def memory() -> int:
-    """Bytes of the process in memory; 0 where that cannot be read."""
+    """Bytes of the process in memory; 0 where they cannot be read."""
     try:
         with open("/proc/self/statm") as file:
             return int(file.read().split()[1]) * 4096

@@ -1,4 +1,4 @@
-"""One extreme case: what is put in, what is expected of the outcome in words, and what it was."""
+"""One extreme case: the input, the outcome that is expected in words, and the real outcome."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came out: whether the expectation holds, in words, and the decimal digits lost against float64."""
+    """Whether the expectation holds, the outcome in words, and the decimal digits lost against float64."""
 
     held: bool
     text: str
@@ -24,7 +24,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """step: of a frame. backend: "cpu", or "gl" where the case is run there. long: takes seconds."""
+    """step: of a frame. backend: "cpu", or "gl" for a case that runs there. long: whether it takes seconds."""
 
     step: str
     name: str
@@ -56,13 +56,13 @@ class Row:
 
 
 def run_case(case: Case) -> Row:
-    """Runs a case; what it raises is a broken expectation."""
+    """Runs a case; anything that it raises breaks the expectation."""
     begin = time.process_time()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # extreme input may be warned of; what comes out is what counts
+            warnings.simplefilter("ignore")  # extreme input may cause warnings; what counts is what comes out
             outcome = case.measure()
-    except Exception as error:  # whatever it is: nothing but a refusal that was expected may come
+    except Exception as error:  # of any kind: only a refusal that was expected may be raised
         outcome = Outcome(False, f"{type(error).__name__}: {error}")
     return Row(
         case.step,
@@ -80,7 +80,7 @@ def run_case(case: Case) -> Row:
 
 
 def both(*outcomes: Outcome) -> Outcome:
-    """All of them; the words of those that are broken, or of all."""
+    """All outcomes as one, with the words of those that are broken, or else of all."""
     broken = [o for o in outcomes if not o.held]
     lost = [o.lost for o in outcomes if o.lost is not None]
     return Outcome(
@@ -89,7 +89,7 @@ def both(*outcomes: Outcome) -> Outcome:
 
 
 def each(values: Iterable[Any], outcome: Callable[..., Outcome], *arguments: Any) -> Outcome:
-    """Of every value, with the same arguments, all outcomes."""
+    """The outcomes of all values as one; all get the same arguments."""
     return both(*(outcome(value, *arguments) for value in values))
 
 
@@ -99,7 +99,7 @@ def at_most(value: float, limit: float, what: str, percent: bool = False) -> Out
 
 
 def is_light(values: ArrayLike, most: float | NDArray | None = None, what: str = "light") -> Outcome:
-    """Finite, never negative, and where given at most so much."""
+    """Holds if the values are finite, never negative, and at most `most` if that is given."""
     values = np.asarray(values)
     bad = int((~np.isfinite(values)).sum() + (values < 0).sum())
     if bad:
@@ -116,16 +116,17 @@ def is_ratio(values: ArrayLike, what: str = "ratio") -> Outcome:
 
 
 def equal(value: ArrayLike, expected: ArrayLike, tolerance: float = 0.0, what: str = "value") -> Outcome:
-    """Within a relative tolerance of the largest expected value; digits lost against it."""
+    """Holds if the value is equal within a tolerance relative to the largest expected value; digits are lost relative
+    to that value, too."""
     value, expected = np.asarray(value, np.float64), np.asarray(expected, np.float64)
     scale = max(float(np.abs(expected).max()), 1e-300)
     error = float(np.abs(value - expected).max()) / scale if np.isfinite(value).all() else math.inf
-    # Where a formula is allowed to be off, its error is not one of numbers.
+    # Where a formula may be off by this much, its error says nothing about digits lost.
     return Outcome(error <= tolerance, f"{what} within {error:.1e}", digits_lost(error) if tolerance < 1e-4 else None)
 
 
 def digits_lost(relative_error: float) -> float:
-    """Decimal digits by which a result is less exact than float32 stores it; 0 for one that is as exact."""
+    """Decimal digits by which a result is less exact than float32 stores it; 0 if it is as exact."""
     if not math.isfinite(relative_error):
         return math.inf
     return max(0.0, math.log10(max(relative_error, 1e-30) / 2.0**-24))
@@ -134,7 +135,7 @@ def digits_lost(relative_error: float) -> float:
 def refused(
     call: Callable[[], object], kinds: type[Exception] | tuple[type[Exception], ...] = ValueError, *words: str
 ) -> Outcome:
-    """The call raises one of the kinds, and the message holds all words."""
+    """Holds if the call raises one of the kinds, with a message that contains all words."""
     kinds = kinds if isinstance(kinds, tuple) else (kinds,)
     try:
         call()
@@ -157,7 +158,7 @@ def result_or_refusal(call: Callable[[], Outcome]) -> Outcome:
 
 
 def table(rows: Iterable[Row]) -> str:
-    """For people: one line a case, broken ones marked."""
+    """For people: one line per case, with broken ones marked."""
     lines = []
     step = None
     for row in rows:

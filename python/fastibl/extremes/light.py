@@ -18,12 +18,12 @@ from .worlds import CONSTANT, MAPS, grazing, map_named, sun, true_irradiance
 
 EXPONENTS = (0.0, 1e-30, 1e-3, 1.0, 64.0, 1e4, 1e6, 1e9, 3e38, np.inf)
 ALPHAS = (0.0, 1e-30, 1e-4, 0.02, 0.1, 0.5, 1.0)
-OVERSHOOT = 1.5  # a lobe is a mean of the map, to what fits and their lobes go beyond
-# What each method is good for on maps that it does not suit, by the map's mean: the mean error over all
-# directions. The paper's methods have 25 to 50 % on real maps already.
+OVERSHOOT = 1.5  # a lobe gives a mean of the map, but fits and their lobes go beyond the map's largest value
+# What each method achieves on maps that do not suit it: the mean error over all directions, relative to the map's mean.
+# The paper's methods have 25 to 50 % on real maps already.
 LIMITS = {"nearest-face": 3.0, "six-face": 1.5, "six-face-exact": 1.5, "sh9": 0.5, "sh9-lobes": 0.1}
 
-# The same of glossy light and GGX of two lamps: the mean error by the mean of that light.
+# The same for glossy light and GGX of two lamps: the mean error relative to the mean of that light.
 GLOSSY_LIMITS = {"mip": 1.0, "centroid": 0.1, "stretched": 0.1, "sampled": 0.2, "prefiltered": 0.15}
 GGX_LIMITS = {"taps": 0.4, "gradient": 0.8}
 _LAMPS = "blue and red lamps"

@@ -1,4 +1,4 @@
-"""Environment maps as arrays and files: what is cleaned, refused, kept."""
+"""Environment maps as arrays and files: what is cleaned, what is refused, and what is kept."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _levels(size: int) -> Outcome:
     for k in range(cube.level_count):
         level = cube.level(k).astype(np.float64)
         angles = texel_solid_angles(level.shape[1])[..., None]
-        # Levels of odd sizes cut texels along straight lines of a face: their parts have no exact angle.
+        # Levels of odd sizes cut texels along straight lines of a face; the parts' solid angles are not exact.
         limit = 2e-6 if size & (size - 1) == 0 else 5e-3
         outcomes.append(equal((angles * level).sum(axis=(0, 1, 2)) / (4 * np.pi), true, limit, "mean"))
     worst = max(outcomes, key=lambda o: float(o.text.split()[-1]))

@@ -71,7 +71,7 @@ def _environment(place) -> Environment:
     return Environment(map_named("lamp 20 cm away"), centre=CENTRE, lights=[place])
 
 
-@cache  # sessions have copies of it
+@cache  # sessions use copies of it
 def _scene() -> Scene:
     material = Material(diffuse=(0.6, 0.6, 0.6), glossy=(0.3, 0.3, 0.3), exponent=200)
     return Scene(ball_mesh(steps=12), material, spheres=4, visibility_rays=8)

@@ -1,4 +1,4 @@
-"""Degenerate meshes: what is worked out of them once, and the light that they keep from themselves."""
+"""Degenerate meshes: what is computed once for them, and the light that they hide from themselves."""
 
 from __future__ import annotations
 

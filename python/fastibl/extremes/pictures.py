@@ -1,4 +1,4 @@
-"""Whole pictures on both back ends: extreme maps, materials, objects, cameras and looks."""
+"""Whole pictures on both back ends: extreme maps, materials, objects, cameras and views."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MATERIALS = {
     "plastic of roughness 1": Material.pbr((1, 1, 1), 0.0, 1.0),
     "brushed metal": Material.pbr((1, 1, 1), 1.0, 0.1, anisotropy=1.0),
 }
-# By name; what each does to a constant map of 1 is known.
+# By name: for these it is known what they show in a constant map of 1.
 WHITE = ("matte", "rough", "glossy", "exponent 1e9", "mirror")
 
 CAMERAS = {
@@ -131,7 +131,7 @@ def cases() -> Iterator[Case]:
 
 
 def _session(name_or_map, scene: Scene, backend: str, camera: Camera = PICTURE, methods=None) -> Session:
-    """Without an error budget, within which the CPU shades together what hardly differs in a pixel, and GL does not."""
+    """Has no error budget: within one, the CPU shades pixels together that hardly differ, and GL does not."""
     light = map_named(name_or_map) if isinstance(name_or_map, str) else name_or_map
     methods = methods or {"shadow": "directions"}
     return Session(scene, Rig(camera), environment=light, methods=methods, backend=backend, error=0)
@@ -146,7 +146,7 @@ def _layer(name: str, material: str, backend: str) -> np.ndarray:
 
 @cache
 def _lit_session(material: str, backend: str) -> Session:
-    """One for all maps: shaders are compiled once."""
+    """One session for all maps, so that shaders are compiled once."""
     return _session("black", Scene(_ball(), MATERIALS[material], spheres=0, visibility_rays=0), backend)
 
 
@@ -161,7 +161,7 @@ def _lit(name: str, material: str, backend: str) -> Outcome:
     most = 1.5 * map_named(name).faces.max()
     found = both(Outcome(len(full) > 300, f"{len(full)} pixels"), is_light(full, max(most, 1e-30), "pixels"))
     if found.held and name in CONSTANT and material in WHITE:
-        # GL keeps maps in half floats, scaled by their mean: 1e-30 is beyond what it can scale.
+        # GL keeps maps in half floats that are scaled by the maps' mean; 1e-30 is smaller than it can scale.
         return equal(full, CONSTANT[name], 2e-5 if CONSTANT[name] > 1e-20 or backend == "cpu" else 1.0, "pixels")
     return Outcome(found.held, found.text.split("; ")[-1]) if found.held else found
 
@@ -175,7 +175,7 @@ def _agree(name: str, material: str) -> Outcome:
     return Outcome(worst <= 2e-3, f"{name}: {worst:.1e}" if worst > 2e-3 else "within 2e-3")
 
 
-@cache  # sessions have copies of it
+@cache  # sessions use copies of it
 def _degenerate_scene(name: str) -> Scene:
     return Scene(degenerate(name), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=8)
 

@@ -1,4 +1,4 @@
-"""Plans: budgets that nothing meets, scenes without anything, products in any state."""
+"""Plans: budgets that nothing can meet, scenes without anything, products in any state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions: frames of anything in any order, and long runs: no drift, no growth."""
+"""Sessions: frames with any content in any order, and long runs without drift or growth."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def cases() -> Iterator[Case]:
         yield Case("session", f"a frame {what}", "ValueError or TypeError; the session goes on", partial(_bad, frame))
 
 
-@cache  # sessions have copies of it
+@cache  # sessions use copies of it
 def _scene(matte: bool = False) -> Scene:
     material = Material() if matte else Material(glossy=(0.2, 0.2, 0.2))
     return Scene(ball_mesh(steps=8), material, spheres=4, visibility_rays=8)
@@ -109,7 +109,7 @@ def _long(backend: str) -> Outcome:
         if k % 50 == 0 and not is_light(session.object.rgba).held:
             return Outcome(False, f"frame {k}: object not finite")
     held.append(memory())
-    # What is lost with every frame is lost in both halves; a driver's new shader is not.
+    # Memory that is lost in every frame is lost in both halves of the run; that of a driver's new shader is not.
     grown = 2 * min(held[1] - held[0], held[2] - held[1])
     session.set_material(_MATERIALS[0])
     session.set_environment(lights[_LIGHTS[0]])
@@ -183,7 +183,7 @@ def _long_capture() -> Outcome:
 
 
 class _Film:
-    """A source of 60 frames of the place, seen by both cameras."""
+    """A source of 60 frames that show the place to both cameras."""
 
     def __init__(self) -> None:
         views = _sweep((0.5,))
@@ -203,7 +203,7 @@ def _fault(kind: str) -> Outcome:
         try:
             result = session.process(frame)
             frames += 1
-        except ValueError:  # a picture of another size is refused, and the next one goes on
+        except ValueError:  # a picture of another size is refused, and the session goes on with the next one
             refusals += 1
     happened = source.counts[kind]
     return both(

@@ -1,4 +1,4 @@
-"""Shadows on the plane: hostile spheres, suns, lights on and under the horizon."""
+"""Shadows on the plane: hostile spheres, suns, lights on the horizon and below it."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def _flicker() -> Outcome:
     names = ("sun of 1e6 in one texel", "black", "NaN, infinite, negative", "light from below only", "1 x 1 faces")
     found = [is_ratio(caster.cast(map_named(n), [_USUAL], resolution=16).image) for n in names * 3]
     last = map_named("sun of 1e6 in one texel")
-    for _ in range(70):  # new directions are faded in over 32 maps
+    for _ in range(70):  # new directions fade in over 32 maps
         image = caster.cast(last, [_USUAL], resolution=16)
         found.append(is_ratio(image.image))
     again = DirectionShadow(64).cast(last, [_USUAL], resolution=16)

@@ -1,4 +1,4 @@
-"""Cameras that look somewhere, and the pictures that they take of functions of direction."""
+"""Cameras that look in some direction, and their pictures of functions of direction."""
 
 import numpy as np
 
@@ -20,13 +20,13 @@ def rays_of(camera, pose, split=1):
 
 
 def picture_of(radiance, camera, pose, split=1):
-    """Linear picture (h, w, 3) of radiance(directions), pixels averaged over split x split rays."""
+    """Linear picture (h, w, 3) of radiance(directions); each pixel is the mean of split x split rays."""
     light = np.asarray(radiance(rays_of(camera, pose, split)), np.float64)
     return light.reshape(camera.height, split, camera.width, split, 3).mean(axis=(1, 3))
 
 
 def exposed(light, camera, exposure=1.0):
-    """8-bit picture of linear light, by the camera's gain, vignetting and response."""
+    """8-bit picture of linear light, with the camera's gain, vignetting and response."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     r2 = ((x - camera.cx) / camera.fx) ** 2 + ((y - camera.cy) / camera.fy) ** 2
     vignette = 1 + sum(v * r2 ** (k + 1) for k, v in enumerate(camera.vignetting))
@@ -35,7 +35,7 @@ def exposed(light, camera, exposure=1.0):
 
 
 def all_around(steps=8):
-    """Directions that cover the sphere with pictures 80 degrees wide."""
+    """Directions in which pictures 80 degrees wide cover the sphere."""
     turns = 2 * np.pi * np.arange(steps) / steps
     level = [(np.cos(a), np.sin(a), z) for z in (-0.7, 0.0, 0.7) for a in turns]
     return [*level, (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
@@ -52,7 +52,7 @@ def place_light(d):
 
 
 def place_map(size):
-    """Its map: faces (6, size, size, 3), each texel a mean of 4 x 4."""
+    """The map of place_light: faces (6, size, size, 3), each texel the mean of 4 x 4."""
     n = 4 * size
     faces = place_light(texel_directions(n)).astype(np.float32)
     return faces.reshape(6, size, 4, size, 4, 3).mean(axis=(2, 4))

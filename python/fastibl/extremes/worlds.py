@@ -27,7 +27,7 @@ def grazing() -> tuple[NDArray, NDArray]:
 
 
 def sun(radiance: float, texels: int, size: int = 32, ground: float = 0.2) -> NDArray[np.float64]:
-    """Faces of even light with a square of that many texels around one place of the sky."""
+    """Faces of even light, with a square of `texels` texels of that radiance around one place of the sky."""
     faces = np.full((6, size, size, 3), ground)
     side = round(texels**0.5)
     faces[4, 8 : 8 + side, 10 : 10 + side] = radiance
@@ -62,14 +62,14 @@ def two_suns() -> NDArray[np.float64]:
 
 
 def lamp_near(radiance: float = 400.0, degrees: float = 17.0) -> NDArray[np.float64]:
-    """A lamp of 6 cm 20 cm away: a disc as wide as that, overhead."""
+    """A lamp of 6 cm, 20 cm away: a disc that appears that wide, overhead."""
     d = texel_directions(32).astype(np.float64)
     lit = d @ np.array([0.3, 0.2, np.sqrt(1 - 0.13)]) > np.cos(np.radians(degrees))
     return np.where(lit[..., None], radiance, 0.1) * np.ones(3)
 
 
 def light_below() -> NDArray[np.float64]:
-    """Nothing shines but straight up from below."""
+    """A place in which the only light shines straight up from below."""
     faces = np.zeros((6, 16, 16, 3))
     faces[5, 6:10, 6:10] = 50
     return faces
@@ -101,7 +101,7 @@ MAPS = {
     "3 x 3 faces": lambda: np.random.default_rng(0).random((6, 3, 3, 3)),
     "1024 x 1024 faces": lambda: np.broadcast_to(np.linspace(0.1, 1, 1024)[:, None], (6, 1024, 1024, 3)),
 }
-# The light of maps that are the same all over; values above 1e9 are cut to that.
+# The light of maps that are the same everywhere; values above 1e9 are cut to 1e9.
 CONSTANT = {"black": 0.0, "tiny (1e-30)": 1e-30, "dim (1e-8)": 1e-8, "bright (1e8)": 1e8, "huge (1e30)": 1e9}
 
 
@@ -112,12 +112,12 @@ def map_named(name: str) -> CubeMap:
 
 @cache
 def true_irradiance(name: str, count: int = 40) -> NDArray[np.float64]:
-    """Of the first normals of `grazing`, one of each six, by brute force."""
+    """True irradiance for the first normals of `grazing`, one of every six, by brute force."""
     source = map_named(name)
     faces = source.faces
     if source.size > 128:
         faces = source.level(int(np.log2(source.size // 64)))
-    elif source.size < 16:  # pieces small enough that one direction stands for each
+    elif source.size < 16:  # into pieces so small that one direction stands for each
         faces = faces.repeat(32, axis=1).repeat(32, axis=2)
     return reference.irradiance(faces, units(40, 1)[:count])
 
@@ -150,7 +150,7 @@ def _needles() -> tuple[NDArray, NDArray]:
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
 
 
-# Vertices and triangles of meshes that are one, however bad.
+# Vertices and triangles of meshes that are valid, however bad they are.
 DEGENERATE = {
     "a whole box": box_mesh,
     "one triangle": lambda: (np.array([(0, 0, 0.01), (0.05, 0, 0.01), (0, 0.05, 0.04)]), np.array([(0, 1, 2)])),
@@ -186,7 +186,7 @@ def degenerate(name: str) -> Mesh:
 
 
 def seen_from(eye: ArrayLike, target: ArrayLike = (0, 0, 0.05)) -> Pose:
-    """camera_from_marker of a camera there that looks at the target."""
+    """camera_from_marker of a camera at `eye` that looks at the target."""
     from .views import looking
 
     return looking(np.asarray(target, float) - np.asarray(eye, float), eye)
