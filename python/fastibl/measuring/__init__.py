@@ -1,4 +1,5 @@
-"""How methods are measured: rows of error and time in one schema, for `fastibl report` and the project's benchmarks."""
+"""How methods are measured: rows of error and time in one schema, for `fastibl report` and for the project's
+benchmarks."""
 
 from ..machine import cpu
 from .frontier import Point, frontier, label, points

@@ -1,4 +1,4 @@
-"""Times of whole frames in steady state."""
+"""Times of whole frames in a steady state."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .timing import Timing, timing
 def steady(
     session: Session, recording: Recording, cores: int = 1, rounds: int = 4
 ) -> tuple[Timing, list[dict[str, float]], Any]:
-    """A recording back and forth: the time of a frame, the passes' seconds of each, and the last result.
+    """Plays a recording forth and back: the time of a frame, the seconds of each frame's passes, and the last result.
 
-    The first round warms up and is not counted. Tracking and capture are included.
+    The first round warms up and does not count. Tracking and capture are included.
     """
     import cv2
 
@@ -27,7 +27,7 @@ def steady(
     cv2.setNumThreads(cores)
     walls, cpus, passes, result = [], [], [], None
     try:
-        # A camera does not jump: it goes the same way back.
+        # A camera does not jump: the recording goes back the way it came.
         period = recording.duration / max(len(recording) - 1, 1) or 1.0
         every = itertools.islice(BackAndForth(recording, period), (rounds + 1) * len(recording))
         for k, frame in enumerate(every):

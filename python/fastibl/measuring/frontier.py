@@ -27,7 +27,7 @@ class Point:
 
     @property
     def label(self) -> str:
-        """Method and setting, as plots name it."""
+        """Method and setting, as plots show them."""
         return label(self.method, self.setting)
 
 
@@ -47,7 +47,7 @@ def points(rows: Iterable[Row]) -> dict[str, list[Point]]:
 
 
 def frontier(all_points: Sequence[Point]) -> list[Point]:
-    """The points that no other beats in both time and error, from fast to exact."""
+    """The points that no other point beats in both time and error, from fast to exact."""
     best: list[Point] = []
     for p in sorted(all_points, key=lambda p: (p.seconds, p.error)):
         if not best or p.error < best[-1].error:

@@ -1,4 +1,4 @@
-"""The row that every measurement is, and files of rows."""
+"""The row that stands for every measurement, and files of rows."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _CHECKOUT = Path(__file__).resolve().parents[3]
 class Row:
     """One measurement: how wrong a method was, and how long it took.
 
-    method, setting: by public name. case: what it was tried on. metric: what `error` is, with its unit; "" where
-    only time was measured. error: None where there is none. seconds: median of one call (or of one item, as `metric`
-    or `case` says), None where it was not timed. spread: 10th and 90th percentile of the same. yardsticks: seconds in
+    method, setting: their public names. case: what it was tried on. metric: what `error` is, with its unit; "" where
+    only time was measured. error: None where there is none. seconds: median of one call (or of one item, as `metric` or
+    `case` says), None where it was not timed. spread: 10th and 90th percentile of the same. yardsticks: seconds in
     yardsticks of the same run. threads, backend: what was used. cpu: model and cores. commit: of the project, ""
-    outside git. step: of lighting an object, as "diffuse"; "" in files that are about one step.
+    outside git. step: of lighting an object, such as "diffuse"; "" in files that are about one step.
     """
 
     method: str
@@ -46,7 +46,7 @@ class Row:
 
 @cache
 def commit() -> str:
-    """Short hash of the commit that is checked out, with "+" where the library was changed since; "" outside git."""
+    """Short hash of the commit that is checked out, with "+" if the library was changed since; "" outside git."""
     if not (_CHECKOUT / ".git").exists():
         return ""
     try:
@@ -101,7 +101,7 @@ def _digits(value: float) -> float:
 
 
 def write_rows(path: Path, rows: Sequence[Row], head: Mapping[str, Any]) -> Path:
-    """Writes a file of rows: `head`, the yardstick, and one row a line, sorted."""
+    """Writes a file of rows: `head`, the yardstick, and one row per line, sorted."""
     ordered = sorted(rows, key=lambda r: (r.step, r.case, r.metric, r.method, r.setting, r.threads, r.backend))
     first = {**head, "yardstick_seconds": _digits(yardstick_seconds())}
     lines = ",\n".join("  " + json.dumps(_columns(r), ensure_ascii=False) for r in ordered)
@@ -112,17 +112,18 @@ def write_rows(path: Path, rows: Sequence[Row], head: Mapping[str, Any]) -> Path
 
 
 def _columns(r: Row) -> dict[str, Any]:
-    """Without the step where there is none."""
+    """The row's columns, without the step where there is none."""
     return {key: value for key, value in asdict(r).items() if key != "step" or value}
 
 
 def read_head(path: Path) -> dict[str, Any]:
-    """What a file of rows says beside them, of one that read_rows() reads."""
+    """What a file of rows holds besides them; the file is one that read_rows() reads."""
     return {name: value for name, value in json.loads(path.read_text(encoding="utf-8")).items() if name != "rows"}
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Rows of a file. Raises ValueError for a file of another schema or without rows, FileNotFoundError for none."""
+    """The rows of a file. Raises ValueError for a file of another schema or without rows, FileNotFoundError for no
+    file."""
     if not path.is_file():
         raise FileNotFoundError(f"the measurements {path} are missing")
     needed = {f.name for f in fields(Row) if f.default is MISSING}

@@ -1,4 +1,5 @@
-"""Where methods are compared: directions, pairs of normal and view, points of the plane. The same for the same seed."""
+"""Where methods are compared: directions, pairs of normal and view, points of the plane. The same seed gives the same
+samples."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ANGLES = (0, 30, 60, 75, 85)  # degrees between normal and view
-VIEWS = (0, 30, 60, 75)  # the same of brushed surfaces
+VIEWS = (0, 30, 60, 75)  # the same for brushed surfaces
 
 
 def units(count: int, seed: int = 0) -> NDArray[np.float64]:
@@ -35,6 +36,7 @@ def surfaces(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDAr
 
 
 def grid(count: int, extent: float) -> NDArray[np.float64]:
-    """Points (count^2, 2) of the plane, row by row from y min: the texel centres of a ShadowMap of this extent."""
+    """Points (count^2, 2) of the plane, row by row from the least y: the texel centres of a ShadowMap of this
+    extent."""
     axis = ((np.arange(count) + 0.5) / count * 2 - 1) * extent
     return np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)

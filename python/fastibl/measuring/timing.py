@@ -32,7 +32,7 @@ class Timing:
 
     @property
     def of_cpu(self) -> Timing:
-        """CPU time in the place of wall time: for one thread on a busy machine."""
+        """CPU time in place of wall time: for one thread on a busy machine."""
         return Timing(self.cpu, self.cpu_low, self.cpu_high, self.cpu, self.cpu_low, self.cpu_high, self.count)
 
     def scaled(self, items: float) -> Timing:
@@ -49,7 +49,7 @@ class Timing:
 
 
 def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
-    """Robust centre and spread of measured seconds. Raises ValueError without any."""
+    """The robust centre and spread of measured seconds. Raises ValueError where there are none."""
     wall, cpu = np.asarray(list(walls)), np.asarray(list(cpus))
     if not len(wall):
         raise ValueError("no repetition was measured")
@@ -59,13 +59,13 @@ def timing(walls: Iterable[float], cpus: Iterable[float]) -> Timing:
 
 
 class _On(ContextDecorator):
-    """A number of threads, as a block or for a function; for one that yields, until its last value."""
+    """Sets the number of threads for a block or a function; for a function that yields, until its last value."""
 
     def __init__(self, count: int):
         self._count = count
 
     def _recreate_cm(self) -> _On:
-        return _On(self._count)  # of each call
+        return _On(self._count)  # a new one for each call
 
     def __enter__(self) -> None:
         self._before = threads()
@@ -92,12 +92,12 @@ def one_core() -> _On:
 
 
 def all_cores() -> _On:
-    """The library on all cores, for truths."""
+    """The library on all cores, for computing truths."""
     return _On(0)
 
 
 def measure(call: Callable[..., Any], inputs: Sequence[Any], repetitions: int = 15, warm: int = 2) -> Timing:
-    """Times call(input) over `inputs` in turn: what a repetition gets differs from the one before."""
+    """Times call(input) over `inputs` in turn, so that each repetition gets another input than the one before."""
     if not len(inputs):
         raise ValueError("measure needs at least one input")
     for k in range(warm):
@@ -113,7 +113,8 @@ def measure(call: Callable[..., Any], inputs: Sequence[Any], repetitions: int = 
 
 
 def yardstick(repetitions: int = 41) -> Timing:
-    """cv2.remap of a 1024 x 512 float RGB map to six faces of 256 squared, float maps ready made, on one thread."""
+    """cv2.remap of a 1024 x 512 float RGB map to six faces of 256 squared, with float maps made beforehand, on one
+    thread."""
     rng = np.random.default_rng(0)
     pictures = [rng.random((512, 1024, 3), np.float32) for _ in range(2)]
     s, t = np.meshgrid((np.arange(256) + 0.5) / 128 - 1, (np.arange(256) + 0.5) / 128 - 1)
@@ -123,8 +124,8 @@ def yardstick(repetitions: int = 41) -> Timing:
         u = (0.5 + np.arctan2(x, y) / (2 * np.pi)) * 1024 - 0.5
         v = np.arctan2(np.hypot(x, y), z) / np.pi * 512 - 0.5
         maps.append((u.astype(np.float32), v.astype(np.float32)))
-    # After a block of this size the allocator keeps what is freed. Without it, memory that comes anew from the system
-    # makes a factor of up to three, or nothing: it depends on what the process did before.
+    # After a block of this size, the allocator keeps freed memory. Without it, fresh memory from the system can cost a
+    # factor of up to three, or nothing, depending on what the process did before.
     np.empty(1 << 24, np.uint8)
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -140,17 +141,17 @@ def yardstick(repetitions: int = 41) -> Timing:
 
 @cache
 def yardstick_seconds() -> float:
-    """The yardstick of this run: CPU time, which on a busy machine is still that of a quiet one."""
+    """The yardstick of this run, in CPU time, which stays the same on a busy machine."""
     return yardstick().cpu
 
 
 def side_by_side(
     calls: Mapping[str, Callable[[int], Any]], rounds: int = 7, warm: int = 1, each_at_least: float = 0.0
 ) -> tuple[dict[str, Timing], float]:
-    """Times call(round) of all calls in turn, so that what slows the machine down for a while slows all of them.
+    """Times call(round) of all calls in turn, so that whatever slows the machine down for a while slows all of them.
 
-    each_at_least: seconds that a call is repeated for within a round; its time is then that of one repetition. Returns
-    the timings, and the CPU seconds of the yardstick, which runs in each round too.
+    each_at_least: seconds for which a call is repeated within a round; its time is then that of one repetition. Returns
+    the timings, and the CPU seconds of the yardstick, which runs in each round, too.
     """
     if not calls:
         raise ValueError("side_by_side needs at least one call")
@@ -160,7 +161,7 @@ def side_by_side(
     first = next(iter(calls.values()))
     for k in range(-warm, rounds):
         if k > 0:
-            first(k + warm - 1)  # the yardstick came before, and took the caches
+            first(k + warm - 1)  # the yardstick ran last and filled the caches
         for name, call in calls.items():
             wall, cpu = time.perf_counter(), time.process_time()
             for _ in range(repeated[name]):
