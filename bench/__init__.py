@@ -1,1 +1,1 @@
-"""Benchmarks and the project's goals: every error and every time in one schema of rows."""
+"""Benchmarks and the project's goals; every error and every time is a row of one schema."""

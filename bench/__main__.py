@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
             for drawn in importlib.import_module(PICTURES[name]).main():
                 print(f"written: {drawn.relative_to(ROOT)}")
             continue
-        set_threads(1)  # rows of more say so
+        set_threads(1)  # rows that use more say so
         begin = time.perf_counter()
         rows = importlib.import_module(f"bench.{name}").rows()
         path = write_rows(name, rows)

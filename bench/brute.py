@@ -1,8 +1,8 @@
 """Errors of shading methods against brute force, on many maps at once.
 
-The weights of a lobe do not depend on the map, so they are worked out once for all maps; texels and solid angles are
-those of fastibl.reference, and `check` holds the sums against it. Truths are kept between runs, in the user's cache
-folder, by the maps and by this code.
+The weights of a lobe do not depend on the map, so they are computed once for all maps. Texels and solid angles are
+those of fastibl.reference, and `check` compares the sums with it. Truths are kept between runs, in the user's cache
+folder, under a name that depends on the maps and on this code.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from .inputs import real_maps
 
 EXPONENTS = (2, 8, 32, 128, 512, 2048)
 NORMALS = 2000
-_SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis
+_SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis, by exponent
 
 
 def errors(estimated: NDArray, true: NDArray | float, mean: float | NDArray) -> NDArray:
-    """RMS over RGB of the difference, by the mean of the truth; (n,)."""
+    """RMS over RGB of the difference, divided by the mean of the truth; (n,)."""
     return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / mean
 
 
@@ -36,15 +36,15 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fast
 
 
 def kept(what: str, make: Callable[[], NDArray]) -> NDArray:
-    """make(), kept between runs by `what` it is, the maps, and the code of the oracle and of this file."""
+    """make(), kept between runs; the key is `what` it is, the maps, and the code of the oracle and of this file."""
     return stored([what, np.__version__, _radiance(), Path(reference.__file__), Path(__file__)], make)
 
 
-Part = str | NDArray | Path  # of a key
+Part = str | NDArray | Path  # part of a key
 
 
 def stored(key: Iterable[Part], make: Callable[[], NDArray]) -> NDArray:
-    """make(), kept between runs by the contents of what it was made from: texts, arrays, files."""
+    """make(), kept between runs; the key is the contents of what it was made from: texts, arrays, files."""
     parts = hashlib.sha256()
     for part in key:
         parts.update(
@@ -112,7 +112,7 @@ def _cosines(n: NDArray, v: NDArray, d: NDArray) -> tuple[NDArray, NDArray]:
 def glossy(count: int) -> dict[str, dict[int, NDArray]]:
     """True normalised glossy radiance (5 count, 3) of each real map, by exponent, at `pairs(count)`.
 
-    For the sharper lobes, the texels that hold all but 1e-8 of the lobe's height are split.
+    For the sharper lobes, those texels are split that hold all but 1e-8 of the lobe's height.
     """
     array = kept(f"glossy {count}", lambda: _glossy(count))
     return {name: dict(zip(EXPONENTS, values, strict=True)) for name, values in _by_map(array).items()}
@@ -154,13 +154,13 @@ def _glossy(count: int) -> NDArray:
         list(pool.map(one, range(len(n))))
     cube = next(iter(real_maps().values()))
     for s in (2, 128, 2048):
-        k = count  # one pair at 30 degrees
+        k = count  # one pair, at 30 degrees
         check(out[s][k, :3], reference.glossy(cube, n[k], v[k], s))
     return np.stack([out[s] for s in EXPONENTS])
 
 
 def check(ours: NDArray, theirs: NDArray, tolerance: float = 1e-5) -> None:
-    """Raises AssertionError where these sums leave those of fastibl.reference."""
+    """Raises AssertionError where these sums differ from those of fastibl.reference."""
     worst = float(np.abs(ours - theirs).max() / max(np.abs(theirs).max(), 1e-12))
     if not worst <= tolerance:
         raise AssertionError(f"the benchmark's brute force differs from fastibl.reference by {worst:.2g}")

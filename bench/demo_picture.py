@@ -1,4 +1,4 @@
-"""The README's picture: what the demo makes of its last moment, with the truth, by `./dev bench demo-picture`."""
+"""The README's picture, by `./dev bench demo-picture`: what the demo makes of its last moment, beside the truth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fastibl.expected import present
 from .measure import ROOT
 
 OUT = ROOT / "docs" / "images" / "demo.jpg"
-_WIDTH = 1290  # pixels; a third for each picture, half for each map
+_WIDTH = 1290  # pixels; each picture takes a third, each map a half
 
 
 def _panel(picture: NDArray[np.uint8], width: int, text: str) -> NDArray[np.uint8]:
@@ -28,7 +28,7 @@ def _panel(picture: NDArray[np.uint8], width: int, text: str) -> NDArray[np.uint
 
 
 def main() -> list[Path]:
-    """Uses the recording at FASTIBL_DEMO_RECORDING where that is set, else simulates the demo's."""
+    """Uses the recording at FASTIBL_DEMO_RECORDING if that is set; otherwise simulates the demo's."""
     given = os.environ.get("FASTIBL_DEMO_RECORDING")
     recording = fastibl.Recording.open(given) if given else fastibl.simulate(seconds=12, position=POSITION)
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Whole frames in steady state, and what each pass takes of them."""
+"""Whole frames in a steady state, and the time of each pass."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from .measure import Row, Timing, row, timing
 def frame_times(
     scene: fastibl.Scene, methods: str, backend: str = "cpu", threads: int = 1, rounds: int = 4
 ) -> tuple[Timing, dict[str, Timing]]:
-    """Steady state of a session on the short recording: the whole, tracking included, and passes that most frames run.
+    """Times of a session in a steady state on the short recording: the whole frame, tracking included, and the passes
+    that most frames run.
 
     The first round warms up and is not counted.
     """

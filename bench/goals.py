@@ -16,13 +16,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-# Before anything loads a driver: Mesa's software renderer reads its number of threads once.
+# Must be set before anything loads a driver: Mesa's software renderer reads its number of threads only once.
 os.environ.setdefault("LP_NUM_THREADS", "2")
 
 
 @dataclass(frozen=True)
 class Goal:
-    """One line of a table. passed: None where it was skipped, or has no goal of its own; `goal` then says why."""
+    """One line of a table. passed: None for a line that was skipped, or that has no goal of its own; `goal` then says
+    why."""
 
     what: str
     measured: str
@@ -65,7 +66,7 @@ def percent(value: float, digits: int = 3) -> str:
 
 
 def by_map(means: dict[str, float]) -> tuple[str, str]:
-    """Notes: the value of each map, and the mean without the studio map."""
+    """Notes: the value for each map, and the mean without the studio map."""
     others = [v for name, v in means.items() if "studio" not in name]
     return (
         "by map: " + ", ".join(f"{name} {percent(v)}" for name, v in means.items()),
@@ -74,7 +75,7 @@ def by_map(means: dict[str, float]) -> tuple[str, str]:
 
 
 def measured(rows: Sequence[Row]) -> Iterator[Goal]:
-    """Runs rows one after the other; a progress line each on stderr. A row that breaks fails."""
+    """Runs rows one after the other, with a progress line for each on stderr. A row that raises an error fails."""
     for k, r in enumerate(rows, 1):
         print(f"[{k}/{len(rows)}] {r.name} ...", end="", file=sys.stderr, flush=True)
         begin = time.perf_counter()
@@ -108,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from . import capture, light, paper, plan, product, shadows  # noqa: F401 - fill their tables
     from .measure import commit, cpu, yardstick_seconds
 
-    set_threads(1)  # rows of more say so
+    set_threads(1)  # rows that use more say so
     parser = argparse.ArgumentParser(
         prog="./dev goals", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
@@ -127,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def report(chosen: dict[str, list[Row]], machine: str) -> int:
-    """Measures and prints tables; 1 if a line fails, else 0."""
+    """Measures and prints tables; returns 1 if a line fails, else 0."""
     failed = False
     for name, rows in chosen.items():
         if rows:
@@ -138,6 +139,6 @@ def report(chosen: dict[str, list[Row]], machine: str) -> int:
 
 
 if __name__ == "__main__":
-    from bench.goals import main as run  # the module that tables register with, not __main__
+    from bench.goals import main as run  # the module with which tables register, rather than __main__
 
     sys.exit(run())

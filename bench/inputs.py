@@ -1,4 +1,4 @@
-"""What the benchmarks are run on: real maps and meshes beside the project, generated ones, and recordings."""
+"""What the benchmarks run on: real maps and meshes beside the project, generated ones, and recordings."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = {p.stem.removesuffix("_1k"): p for p in sorted((SHARED / "hdri").glob("*.hdr"))}
 SUN_MAP = SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
 NO_MAPS = f"no real HDR maps under {SHARED / 'hdri'}"
-OBJECT = (0.0, 0.0, 0.1)  # middle of an object 0.2 m high
+OBJECT = (0.0, 0.0, 0.1)  # the middle of an object that is 0.2 m high
 HEIGHT = 0.2
 
 
 @cache
 def real_maps() -> dict[str, fastibl.CubeMap]:
-    """The real HDR maps as cube maps of 128 squared texels, by name; empty where they are not there."""
+    """The real HDR maps as cube maps of 128 squared texels, by name; empty if the maps are not there."""
     return {name: fastibl.read_environment(path, size=128) for name, path in MAPS.items()}
 
 
@@ -37,7 +37,7 @@ def mesh_path(name: str) -> Path:
 
 @cache
 def short_recording() -> fastibl.Recording:
-    """Two seconds in the built-in room, with the board in view."""
+    """Two seconds in the built-in room, with the board always in view."""
     return fastibl.simulate(seconds=2, fps=10, seed=0, position=OBJECT)
 
 
@@ -49,7 +49,8 @@ def sweep() -> fastibl.Recording:
 
 @dataclass
 class Processed:
-    """What a session made of a recording. poses: (time, back_from_marker or None). timings: of each frame, seconds."""
+    """A session's results for a recording. poses: (time, back_from_marker or None). timings: those of each frame,
+    seconds."""
 
     session: fastibl.Session
     poses: list[tuple[float, fastibl.Pose | None]]
@@ -70,5 +71,5 @@ def process(recording: fastibl.Recording, scene: fastibl.Scene, **options) -> Pr
 
 @cache
 def swept(distance: float) -> Processed:
-    """The demo's sweep, processed with walls at this distance."""
+    """The demo's sweep, processed with the walls at this distance."""
     return process(sweep(), scene(), distance=distance)

@@ -1,4 +1,4 @@
-"""Diffuse and glossy methods: error against brute force on the real maps, against time."""
+"""Diffuse and glossy methods: their error against brute force on the real maps, and their time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .measure import Row, Timing, measure, one_core, row
 
 _NORMALS = 1_000_000
 _PAIRS = 200_000
-_GLOSSY_PAIRS = 40  # at each angle, against brute force
+_GLOSSY_PAIRS = 40  # pairs at each angle that are compared with brute force
 _TIMED_EXPONENT = 64.0
 
 
@@ -22,7 +22,7 @@ def rows() -> list[Row]:
 
 
 def _maps() -> dict[str, fastibl.CubeMap]:
-    """The real maps, or, where they are not there, one of noise to take times with."""
+    """The real maps; if they are not there, one of noise for measuring times."""
     if inputs.MAPS:
         return inputs.real_maps()
     noise = np.random.default_rng(0).lognormal(sigma=2, size=(6, 128, 128, 3))
@@ -43,7 +43,7 @@ def _setting(method: fastibl.Method) -> str:
 
 
 def diffuse() -> list[Row]:
-    """Mean error and time of one normal for each method; and the time to fit a map of 128 squared."""
+    """Mean error of each method and its time for one normal; also the time to fit a map of 128 squared."""
     out = []
     maps = _maps()
     batches = [units(_NORMALS, seed).astype(np.float32) for seed in (0, 1)]

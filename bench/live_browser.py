@@ -1,4 +1,4 @@
-"""The live page in a browser without a window: every control, as a person uses it. Needs Chromium and Playwright."""
+"""The live page in a browser without a window: uses every control as a person does. Needs Chromium and Playwright."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ARGUMENTS = (
     "--disable-sync",
     "--no-first-run",
 )
-_PATIENCE = 60.0  # seconds: machines are busy
+_PATIENCE = 60.0  # seconds: machines may be busy
 
 
 def missing() -> str:
@@ -36,7 +36,7 @@ def missing() -> str:
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """Playwright's Browser of the Chromium that is installed."""
+    """Playwright's Browser with the installed Chromium."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -62,8 +62,8 @@ def served(loop: LiveLoop, notices: tuple[str, ...] = ()) -> Iterator[PageServer
 
 
 def open_page(opened: Any, url: str, size: tuple[int, int] = (1280, 800), **options: Any) -> Any:
-    """The page once it shows a picture; page.errors lists what its console complains about, page.outside its requests
-    to other places."""
+    """The page, once it shows a picture. page.errors collects what its console complains about, page.outside its
+    requests to other places."""
     page = opened.new_page(viewport={"width": size[0], "height": size[1]}, **options)
     page.errors, page.outside = [], []
     page.on("pageerror", lambda error: page.errors.append(str(error)))
@@ -76,8 +76,8 @@ def open_page(opened: Any, url: str, size: tuple[int, int] = (1280, 800), **opti
 
 
 def wait(page: Any, comes: str) -> None:
-    """Until an expression holds in the page, whose policy lets nothing be evaluated from within. Raises AssertionError
-    that says where the page is instead."""
+    """Waits until an expression holds in the page, whose policy forbids evaluation from within. Raises AssertionError
+    that says what the page's state is instead."""
     end = time.monotonic() + _PATIENCE
     while not page.evaluate(f"Boolean({comes})"):
         if time.monotonic() > end:
@@ -87,8 +87,8 @@ def wait(page: Any, comes: str) -> None:
 
 
 def exercise(page: Any) -> list[str]:
-    """Uses every control once and waits for what it does; returns their names. Raises AssertionError where
-    one does nothing."""
+    """Uses every control once and waits for its effect; returns the controls' names. Raises AssertionError where one
+    has no effect."""
     done = []
 
     def control(name: str, act: Callable[[], Any], comes: str) -> None:
@@ -121,7 +121,7 @@ def exercise(page: Any) -> list[str]:
 
 
 def _looks(page: Any, done: list[str], pixels: str) -> None:
-    """Views and axes, while frozen: the large picture is another one."""
+    """Views and axes, while frozen: the large picture must change."""
     page.evaluate(f"window.before = {pixels}")
     for key, name in (("2", "camera"), ("3", "front camera"), ("1", "composite")):
         page.keyboard.press(key)
@@ -141,7 +141,7 @@ def _looks(page: Any, done: list[str], pixels: str) -> None:
 
 def _object(page: Any, control: Callable, select: Callable, pixels: str) -> None:
     def other(act: Callable[[], Any], comes: str) -> tuple[Callable[[], Any], str]:
-        """As well as that, the picture becomes another."""
+        """Also expects the picture to change."""
 
         def run() -> None:
             page.evaluate(f"window.before = {pixels}")

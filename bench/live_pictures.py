@@ -1,4 +1,4 @@
-"""The pictures of docs/live.md: the page on the simulated room, as a browser shows it."""
+"""The pictures of docs/live.md: the page with the simulated room, as a browser shows it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FPS = 30
 
 
 def main() -> Iterator[Path]:
-    """Writes them one by one. Raises RuntimeError where there is no browser."""
+    """Writes the pictures one by one. Raises RuntimeError where there is no browser."""
     if live_browser.missing():
         raise RuntimeError(live_browser.missing())
     made = fastibl.simulate(seconds=5, fps=_FPS, hand=False, live=True, truth_size=16, seed=2)
@@ -68,13 +68,13 @@ def _loop(film: fastibl.Recording, folder: Path) -> LiveLoop:
 
 
 def _without_board(rig: fastibl.Rig) -> fastibl.Recording:
-    """The same room, and nothing on the table."""
+    """The same room, with nothing on the table."""
     made = fastibl.simulate(seconds=0.8, fps=_FPS, hand=False, truth_size=16, board=False, lamp=False, seed=2)
     return fastibl.Recording(rig, list(made), fastibl.Board.default())
 
 
 def _guess() -> str:
-    """What the command says of cameras without calibration."""
+    """What the command says about cameras without calibration."""
     arguments = build_parser().parse_args(["live", "--back", "0"])
     return guess_notice(arguments)
 

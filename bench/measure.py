@@ -1,4 +1,4 @@
-"""What all benchmarks share: fastibl.measuring, and where the files of results are."""
+"""What all benchmarks share: fastibl.measuring, and the place of the result files."""
 
 from __future__ import annotations
 

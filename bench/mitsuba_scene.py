@@ -1,4 +1,4 @@
-"""Maps, cameras and meshes as Mitsuba has them. Needs mitsuba; set its variant before."""
+"""Maps, cameras and meshes in Mitsuba's form. Needs mitsuba, with its variant set beforehand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import fastibl
 
 
 def equirect_of(cube: fastibl.CubeMap, height: int, poles: bool = False) -> NDArray[np.float32]:
-    """Values of the map at the middles of an equirectangular picture's pixels; `poles`: of rows from pole to pole."""
+    """Values of the map at the middles of an equirectangular picture's pixels; with `poles`, the first and last rows
+    lie on the poles."""
     u = ((np.arange(2 * (height - poles)) + 0.5) / (2 * (height - poles)) - 0.5) * 2 * np.pi
     v = (np.arange(height) / (height - 1) if poles else (np.arange(height) + 0.5) / height)[:, None] * np.pi
     return cube.sample(np.stack(np.broadcast_arrays(np.sin(v) * np.sin(u), np.sin(v) * np.cos(u), np.cos(v)), axis=-1))
@@ -21,8 +22,8 @@ def equirect_of(cube: fastibl.CubeMap, height: int, poles: bool = False) -> NDAr
 def emitter_of(cube: fastibl.CubeMap) -> dict[str, Any]:
     """A map as Mitsuba's emitter.
 
-    Ours: u = 1/2 + atan2(x, y) / 2 pi, v = acos(z) / pi. Mitsuba's, in its own frame (a, b, c):
-    u = atan2(a, -c) / 2 pi, v = acos(b) / pi. So (a, b, c) = (-x, z, y). Its first and last rows lie on the poles.
+    Ours: u = 1/2 + atan2(x, y) / 2 pi, v = acos(z) / pi. Mitsuba's, in its own frame (a, b, c): u = atan2(a, -c) / 2
+    pi, v = acos(b) / pi. So (a, b, c) = (-x, z, y). The first and last rows of Mitsuba's picture lie on the poles.
     """
     import mitsuba as mi
 
@@ -60,7 +61,7 @@ def sensor_of(camera: fastibl.Camera, camera_from_marker: fastibl.Pose, samples:
 
 
 def shape_of(mesh: fastibl.Mesh, folder: Path, bsdf: dict[str, Any]) -> dict[str, Any]:
-    """A mesh with its own normals, by way of a file in `folder`."""
+    """A mesh with its own normals, passed through a file in `folder`."""
     import trimesh
 
     path = folder / "mesh.ply"

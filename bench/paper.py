@@ -22,8 +22,8 @@ from .goals import Goal, by_map, percent, row, skipped
 from .measure import ROOT, Timing, yardstick
 from .processes import python, tests
 
-_GLOSSY_PAIRS = 100  # at each angle
-# Words in the names of tests that give bad or extreme input.
+_GLOSSY_PAIRS = 100  # pairs at each angle
+# Words in the names of those tests that give bad or extreme input.
 BAD = ("bad", "refuse", "extreme", "error", "missing", "degenerate", "ignored", "broken", "cleaning", "invalid")
 
 
@@ -82,7 +82,7 @@ def glossy() -> Iterator[Goal]:
         for j, s in enumerate(brute.EXPONENTS):
             true = truths[name][s]
             table[i, j] = brute.errors(lighting.glossy(n, v, float(s), normalization="energy"), true, true.mean())
-    # The pairs are the samples; at each of them all maps and exponents are seen together.
+    # The pairs are the samples: at each of them, all maps and exponents are averaged first.
     by_pair = table.mean(axis=(0, 1)).reshape(len(ANGLES), -1)
     deviation = float(np.sqrt((by_pair.var(axis=1, ddof=1) / by_pair.shape[1]).sum()) / len(ANGLES))
     value = float(table.mean())
@@ -168,7 +168,8 @@ def furnace() -> Iterator[Goal]:
 
 
 def _frame_goal(what: str, methods: str, time: Timing, passes: dict[str, Timing]) -> Goal:
-    """The goal is the paper's: its methods at the frame rate that it reports. The default's time stands beside it."""
+    """The goal is the paper's: its methods must reach the frame rate that it reports. The default's time stands beside
+    it."""
     judged = methods == "paper"
     shares = ", ".join(f"{name} {1e3 * t.median:.1f}" for name, t in passes.items())
     return Goal(
@@ -355,7 +356,7 @@ def captured_irradiance_maps() -> Iterator[Goal]:
 
 
 def replay(threads: int) -> str:
-    """Hash of all composites and of the final map of a short recording that is simulated here."""
+    """Hash of all composites and of the final map for a short recording that is simulated here."""
     fastibl.set_threads(threads)
     recording = fastibl.simulate(seconds=1.5, fps=8, seed=3, size=(320, 240), position=inputs.OBJECT)
     session = fastibl.Session(inputs.scene(), recording.rig, recording.board)
@@ -385,7 +386,7 @@ def replays() -> Iterator[Goal]:
     )
 
 
-# Tests that are goals themselves
+# Tests that are goals in themselves
 
 
 @row("paper", "bad input")

@@ -1,4 +1,4 @@
-"""Photographs that others took, beside the project."""
+"""Photographs that other people took, beside the project."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from fastibl.tracking import detect
 
 from .inputs import SHARED
 
-TAGS = sorted((SHARED / "apriltag").glob("*.jpg"))  # full of tags that all carry id 0
-GRID = sorted((SHARED / "aprilgrid").glob("*.jpg"))  # of a Kalibr grid, by a telephone
+TAGS = sorted((SHARED / "apriltag").glob("*.jpg"))  # pictures full of tags that all have id 0
+GRID = sorted((SHARED / "aprilgrid").glob("*.jpg"))  # pictures of a Kalibr grid, taken with a telephone
 NO_GRID = f"no photographs in {SHARED / 'aprilgrid'}"
 
 
@@ -25,9 +25,9 @@ def read(path: Path) -> NDArray[np.uint8]:
 
 
 def grid(terms: int) -> tuple[fastibl.Board, fastibl.Camera, list[NDArray[np.uint8]]]:
-    """The grid, the camera and the photographs of GRID. The lens is fitted once to all of them.
+    """The grid, the camera and the photographs of GRID. The lens is fitted once, to all of them.
 
-    terms: of its distortion, 4 (k1 k2 p1 p2) or 5 (and k3).
+    terms: those of its distortion, 4 (k1 k2 p1 p2) or 5 (and k3).
     """
     images = [read(path) for path in GRID]
     height, width = images[0].shape[:2]

@@ -1,4 +1,4 @@
-"""Error against time from the rows of results, one plot a step, with the frontier: see fastibl.measuring.frontier."""
+"""Error against time from the rows of results, one plot per step, with the frontier: see fastibl.measuring.frontier."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def draw(metric: str, all_points: Sequence[Point], path: Path) -> None:
 
 
 def plot(name: str, rows: Sequence[Row]) -> list[Path]:
-    """Draws each metric of a benchmark that several methods share to docs/plots/<name>-<metric>.svg."""
+    """Draws each metric of a benchmark that several methods share, to docs/plots/<name>-<metric>.svg."""
     written = []
     for metric, found in points(rows).items():
         if len(found) < 2:

@@ -1,4 +1,4 @@
-"""Fresh processes: Python code, and tests that are goals themselves."""
+"""Fresh processes: Python code, and tests that are goals in themselves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .measure import ROOT
 
 
 def python(*arguments: str, limit: float = 400) -> subprocess.CompletedProcess[str]:
-    """Runs Python that sees what this one sees, from the repository root."""
+    """Runs Python, which sees the same packages as this process, in the repository root."""
     path = os.pathsep.join(p for p in sys.path if p)
     return subprocess.run(
         [sys.executable, *arguments],
@@ -24,7 +24,7 @@ def python(*arguments: str, limit: float = 400) -> subprocess.CompletedProcess[s
 
 
 def tests(what: str, names: list[str], select: str = "") -> Goal:
-    """Runs test files that are there."""
+    """Runs test files that exist."""
     files = [name for name in names if (ROOT / "tests" / name).is_file()]
     if not files:
         return skipped(what, f"tests/{names[0]} is not there")

@@ -19,7 +19,7 @@ _OVERLAYS = "pose,map,lights,timings"
 
 
 def main() -> Iterator[Path]:
-    """Writes them one by one. Raises RuntimeError where the program or the screen is missing."""
+    """Writes the pictures one by one. Raises RuntimeError where the program or the screen is missing."""
     if not PROGRAM.is_file():
         raise RuntimeError(f"{PROGRAM.name} is not built: docs/program.md")
     if missing_tools():

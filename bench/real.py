@@ -1,4 +1,5 @@
-"""The main job on real input: seven measured places, two scanned or modelled meshes, and photographs of tags."""
+"""The main job on real input: seven measured places, two meshes that were scanned or modelled, and photographs of
+tags."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def rows() -> list[Row]:
 
 
 def places() -> list[Row]:
-    """Each map at infinity, seen by the simulated cameras, lights each mesh; the last frame is compared with truth."""
+    """Each map lights each mesh from infinity, seen by the simulated cameras; the last frame is compared with the
+    truth."""
     names = [name for name in MESHES if inputs.mesh_path(name).is_file()]
     out, pictures = [], []
     renderers = {name: TrueRenderer(inputs.scene(name)) for name in names} if inputs.MAPS else {}
@@ -65,7 +67,7 @@ def places() -> list[Row]:
 
 
 def write_sheet(path: Path, pictures: list[tuple[str, NDArray, NDArray]]) -> None:
-    """One picture of all composites, the true one at the right of each."""
+    """Writes one picture of all composites, with the true one to the right of each."""
     cells = []
     for title, ours, true in pictures:
         pair = cv2.resize(np.hstack([ours, true])[..., ::-1], (640, 240), interpolation=cv2.INTER_AREA)
@@ -77,12 +79,13 @@ def write_sheet(path: Path, pictures: list[tuple[str, NDArray, NDArray]]) -> Non
 
 
 def tracked_photographs() -> list[Row]:
-    """The tracker on photographs that others took."""
+    """The tracker on photographs that other people took."""
     return tagged_photographs() + grid_photographs()
 
 
 def tagged_photographs() -> list[Row]:
-    """Photographs full of tags that all carry id 0, with the corners that AprilTag's own detector listed (not all)."""
+    """Photographs full of tags that all have id 0, with the corners that AprilTag's own detector listed (not all of
+    them)."""
     out = []
     for path in photographs.TAGS:
         image = photographs.read(path)
@@ -111,7 +114,7 @@ def tagged_photographs() -> list[Row]:
 
 
 def grid_photographs() -> list[Row]:
-    """A telephone's photographs of a Kalibr grid; the lens is calibrated from the same tags."""
+    """A telephone's photographs of a Kalibr grid; the lens is calibrated with the same tags."""
     if not photographs.GRID:
         return []
     board, camera, images = photographs.grid(terms=4)

@@ -1,5 +1,5 @@
 """What the documents show of reports, by `./dev bench report-pictures`: the overview and the top of the page of a full
-one of all real maps, and plots of quick ones. Some minutes; nothing else should run beside it."""
+report of all real maps, and plots of quick reports. Takes some minutes; nothing else should run at the same time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PLOTS = {
 
 
 def main() -> Iterator[Path]:
-    """Writes them one by one. Raises RuntimeError where there are no real maps, or no browser."""
+    """Writes the pictures one by one. Raises RuntimeError where there are no real maps, or no browser."""
     if not inputs.MAPS:
         raise RuntimeError(inputs.NO_MAPS)
     if live_browser.missing():

@@ -1,4 +1,4 @@
-"""Shadow methods: error of the ratio on the plane against rays and against the same spheres, against CPU time."""
+"""Shadow methods: error of the ratio on the plane, against rays and against the same spheres, and CPU time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PIXELS = "640 x 480 pixels"
 
 @dataclass(frozen=True)
 class Setting:
-    """A method as it is compared. options: of shadow_ratio and cast_shadow."""
+    """A method with the settings that are compared. options: those of shadow_ratio and cast_shadow."""
 
     method: str
     count: int  # of spheres, at most
@@ -61,7 +61,7 @@ def _objects() -> dict[str, fastibl.Mesh]:
 
 @one_core()
 def rows() -> list[Row]:
-    """Means over the objects under each light, and over all."""
+    """Rows for the means over the objects under each light, and over all lights."""
     lights, objects = truth.lights(), _objects()
     cubes = [light.cube for light in lights.values()]
     by_mesh = {name: truth.kept_mesh_ratio(cubes, mesh, truth.grid()) for name, mesh in objects.items()}
@@ -93,7 +93,7 @@ def rows() -> list[Row]:
 
 
 def _pixels(spheres: Mapping[int, NDArray], cubes: list[fastibl.CubeMap]) -> list[Row]:
-    """Times of a picture of 640 x 480 pixels of the plane, by the map and by the paper's sum in every pixel."""
+    """Times of a picture of 640 x 480 pixels of the plane, by the shadow map and by the paper's sum in every pixel."""
     points = seen()
     x, y = (np.ascontiguousarray(c) for c in points.T)
     out = []
@@ -121,7 +121,7 @@ def _rows(
     true: Mapping[str, NDArray],
     time: Timing | None = None,
 ) -> list[Row]:
-    """ratios: by light, one an object. true: by object, (points, lights, 3)."""
+    """ratios: by light, one per object. true: by object, (points, lights, 3)."""
     errors = {
         light: float(np.mean([truth.errors(r, t[:, k]).rms for r, t in zip(given, true.values(), strict=True)]))
         for k, (light, given) in enumerate(ratios.items())

@@ -1,4 +1,4 @@
-"""Tracking methods: error of the pose in the built-in room, against time."""
+"""Tracking methods: error of the pose in the built-in room, and time."""
 
 from __future__ import annotations
 

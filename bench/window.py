@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = Path(os.environ.get("FASTIBL_DEMO_PROGRAM", ROOT / "build/cpp/cpp/demo/fastibl-demo"))
 
-# Environment in which Mesa finds no driver.
+# An environment in which Mesa finds no driver.
 NO_DRIVER = {
     "LIBGL_DRIVERS_PATH": "/nowhere",
     "MESA_LOADER_DRIVER_OVERRIDE": "none",
@@ -21,12 +21,12 @@ NO_DRIVER = {
 
 
 def missing_tools() -> list[str]:
-    """What a window needs that is not installed."""
+    """Tools that a window needs but that are not installed."""
     return [tool for tool in ("Xvfb", "xdotool") if not shutil.which(tool)]
 
 
 class Screen:
-    """An X server without a screen; a context manager. .display is its name."""
+    """An X server that needs no real screen; a context manager. .display is its name."""
 
     def __enter__(self) -> Screen:
         read, write = os.pipe()
@@ -37,12 +37,12 @@ class Screen:
         )
         os.close(write)
         with os.fdopen(read) as pipe:
-            self.display = ":" + pipe.readline().strip()  # it says so when it is ready
+            self.display = ":" + pipe.readline().strip()  # the server writes its name when it is ready
         return self
 
     @property
     def environment(self) -> dict[str, str]:
-        """Of a program whose window is to be there."""
+        """The environment for a program whose window is to appear here."""
         environment = {**os.environ, "DISPLAY": self.display}
         environment.pop("WAYLAND_DISPLAY", None)
         return environment
@@ -53,7 +53,7 @@ class Screen:
 
 
 class Window:
-    """The program in a window that is used by keys and clicks; a context manager."""
+    """The program in a window that is driven by keys and clicks; a context manager."""
 
     def __init__(self, screen: Screen, *arguments: object, folder: Path):
         self._env = screen.environment
@@ -84,13 +84,13 @@ class Window:
         return self._tool("getwindowname", self._id).strip()
 
     def press(self, *keys: str) -> None:
-        """Names as X has them: "space", "Tab", "comma", "m"."""
+        """Presses keys, by the names that X has for them: "space", "Tab", "comma", "m"."""
         for key in keys:
             self._tool("key", "--window", self._id, key)
             time.sleep(0.05)
 
     def hold(self, key: str, seconds: float) -> None:
-        """As a keyboard repeats it."""
+        """Holds a key, which repeats as on a keyboard."""
         self._tool("windowfocus", self._id)
         self._tool("keydown", key)
         time.sleep(seconds)
@@ -100,7 +100,7 @@ class Window:
         self._tool("type", "--window", self._id, "--delay", "30", text)
 
     def click(self, x: int, y: int) -> None:
-        """Pixels from the window's upper left corner. A frame passes before the button is let go."""
+        """Clicks at pixels from the window's upper left corner. A frame passes before the button is released."""
         self._tool("mousemove", "--window", self._id, str(x), str(y))
         time.sleep(0.3)
         self._tool("mousedown", "1")
@@ -109,7 +109,7 @@ class Window:
         time.sleep(0.3)
 
     def wait_for(self, text: str, seconds: float = 60, count: int = 1, since: int = 0) -> None:
-        """Until the program has said so that often after the first `since` letters."""
+        """Waits until the program has said the text `count` times after the first `since` letters."""
         end = time.monotonic() + seconds
         while self.output[since:].count(text) < count:
             assert self._process.poll() is None, f"the program ended:\n{self.output}"
@@ -117,5 +117,5 @@ class Window:
             time.sleep(0.05)
 
     def wait(self, seconds: float = 60) -> int:
-        """The exit code, once it ends."""
+        """Waits for the program to end; returns its exit code."""
         return self._process.wait(seconds)
