@@ -1,4 +1,4 @@
-"""Goals of capture and tracking: table "capture". One file a subject; each adds its rows when it is imported."""
+"""Goals of capture and tracking: table "capture". One file per subject; each adds its rows when it is imported."""
 
 from . import (  # noqa: F401
     boost,

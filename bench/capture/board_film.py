@@ -1,7 +1,8 @@
-"""Films of a board for tracking: a camera in a hand, pictures made fast, every disturbance by itself.
+"""Films of a board for tracking: a hand-held camera, with pictures that are made fast and every disturbance on its own.
 
-The page is warped by its homography onto 4 x 4 samples a pixel (the camera has no distortion), averaged, blurred and
-disturbed in linear light, then given noise and encoded. It shares nothing with the tracker or the simulator.
+The page is warped by its homography onto 4 x 4 samples per pixel (the camera has no distortion). It is averaged,
+blurred and disturbed in linear light, then given noise and encoded. It shares nothing with the tracker or the
+simulator.
 """
 
 from __future__ import annotations
@@ -17,28 +18,29 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl.extremes.board_pictures import look_at
 
-FINE = 4  # samples along a pixel
-BLACK, WHITE, TABLE = 0.04, 0.85, 0.25  # linear
+FINE = 4  # samples along a pixel's edge
+BLACK, WHITE, TABLE = 0.04, 0.85, 0.25  # in linear light
 CAMERA = fastibl.Camera(640, 480, 522.0, 522.0, 320.0, 240.0)
 FPS = 30.0
 
 
 @dataclass(frozen=True)
 class Look:
-    """What a picture is taken with. Lengths in pixels, light linear with white at 1."""
+    """How a picture is taken. Lengths are in pixels, light is linear with white at 1."""
 
-    blur: float = 0.5  # standard deviation of the lens
+    blur: float = 0.5  # standard deviation of the lens's blur
     defocus: float = 0.0  # radius of a disc
-    motion: float = 0.0  # length of a line, direction by the frame
+    motion: float = 0.0  # length of a line, whose direction changes with the frame
     noise: float = 0.004  # standard deviation at white
-    light: float = 1.0  # share of the light that is left before a gain that makes up for it
-    hidden: float = 0.0  # share of the board's area behind a thing that moves
-    shadow: bool = False  # a hard edge of shadow across the board, 12 % of light left
+    light: float = 1.0  # share of the light that is left; a gain makes up for it
+    hidden: float = 0.0  # share of the board's area that is behind a moving thing
+    shadow: bool = False  # a hard edge of shadow across the board, with 12 % of the light left
     jpeg: int = 0  # quality
 
 
 def noise_deviation(light: NDArray, look: Look) -> NDArray:
-    """Of linear values: shot noise, and a part that stays in the dark. A gain of g makes it sqrt(g) times as large."""
+    """Standard deviation of linear values: shot noise, and a part that remains in the dark. A gain of g multiplies it
+    by sqrt(g)."""
     return look.noise / np.sqrt(look.light) * np.sqrt(np.clip(light, 0, 1) + 0.05)
 
 
@@ -60,16 +62,16 @@ def page(board: fastibl.Board, dpi: int) -> NDArray[np.float32]:
 def board_light(
     board: fastibl.Board, pose: NDArray, camera: fastibl.Camera = CAMERA, fine: int = FINE
 ) -> NDArray[np.float32]:
-    """(height, width) linear, without noise or blur but the pixels' own (and that of texels of a third of a pixel:
-    finer ones would need more samples to keep edges that run along rows where they are)."""
+    """(height, width), linear, without noise. The only blur is that of the pixels, and that of texels of a third of a
+    pixel: finer texels would need more samples to keep edges along rows in their places."""
     dpi = int(np.clip(53 / np.linalg.norm(pose[:3, 3]), 25, 150))
     texture = page(board, dpi)
-    texel = 0.0254 / dpi  # the page's size in whole texels is rounded, the scale of what is on it is not
+    texel = 0.0254 / dpi  # the page's size is rounded to whole texels, the scale of what is on it is not
     marker_from_texel = np.array(
         [[texel, 0, 0.5 * texel - board.width / 2], [0, -texel, board.height / 2 - 0.5 * texel], [0, 0, 1]]
     )
     K = camera.opencv_matrix.copy()
-    K[:2, 2] += 0.5  # pixel centres at + 0.5
+    K[:2, 2] += 0.5  # pixel centres are at + 0.5
     H = K @ pose[:3, [0, 1, 3]] @ marker_from_texel
     rows, columns = texture.shape
     page_corners = np.array([[-1, -1, 1], [columns, -1, 1], [columns, rows, 1], [-1, rows, 1.0]])
@@ -121,14 +123,14 @@ def _noise(seed: int) -> NDArray[np.float32]:
 
 @cache
 def _codes() -> NDArray[np.uint8]:
-    """sRGB codes of linear values in steps of 1/65535."""
+    """The sRGB codes of linear values in steps of 1/65535."""
     x = np.arange(65536) / 65535
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
     return np.rint(255 * encoded).astype(np.uint8)
 
 
 def picture(light: NDArray, look: Look, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """(height, width, 3) uint8 of blurred light."""
+    """(height, width, 3) uint8 from blurred light."""
     bank = _noise(int(rng.integers(4)))
     y, x = int(rng.integers(97)), int(rng.integers(89))
     sign = rng.choice([-1, 1], 3).astype(np.float32)
@@ -141,7 +143,7 @@ def picture(light: NDArray, look: Look, rng: np.random.Generator) -> NDArray[np.
 
 
 def disturbed(light: NDArray, board: fastibl.Board, pose: NDArray, look: Look, rng: np.random.Generator, phase: float):
-    """Shadow, hidden parts and blur, in this order of light."""
+    """Adds shadow, hidden parts and blur, in this order, which is that of the light."""
     light = light.copy()
     h, w = light.shape
     centre = pose[:3, 3] / pose[2, 3] * 522.0 + [320, 240, 0]
@@ -152,7 +154,7 @@ def disturbed(light: NDArray, board: fastibl.Board, pose: NDArray, look: Look, r
         side = (x - centre[0]) * np.cos(angle) + (y - centre[1]) * np.sin(angle) + 0.15 * size * np.sin(2 * phase)
         light *= 0.12 + 0.88 * np.clip(side + 0.5, 0, 1)
     if look.hidden:
-        # A patch of stripes and dots, which has edges of its own, over the given share of the page.
+        # A patch of stripes and dots, with edges of its own, that covers the given share of the page.
         radius = np.sqrt(look.hidden * board.width * board.height / np.pi) / pose[2, 3] * 522.0
         at = centre[:2] + 0.35 * size * np.array([np.cos(phase), np.sin(phase)])
         inside = np.clip(radius - np.hypot(x - at[0], y - at[1]) + 0.5, 0, 1)
@@ -169,7 +171,7 @@ def disturbed(light: NDArray, board: fastibl.Board, pose: NDArray, look: Look, r
 
 
 class HandPath:
-    """A camera in a hand, aimed at the board: turns of about 20 degrees a second, sways of 0.1 m a second."""
+    """A hand-held camera aimed at the board, which turns by about 20 degrees a second and sways by 0.1 m a second."""
 
     def __init__(self, seed: int, tilt=(5.0, 60.0), distance=(0.38, 0.55), aim: float = 0.02):
         rng = np.random.default_rng([seed, 7])
@@ -196,7 +198,7 @@ class HandPath:
 def film(
     board: fastibl.Board, path: HandPath, look: Look, frames: int, seed: int = 0, clear: int = 0
 ) -> Iterator[tuple[float, NDArray, NDArray[np.uint8]]]:
-    """(time, camera_from_marker, picture). The first `clear` frames are undisturbed: for a tracker to start with."""
+    """(time, camera_from_marker, picture). The first `clear` frames are undisturbed, for a tracker to start with."""
     rng = np.random.default_rng([seed, 3])
     for k in range(frames + clear):
         time = k / FPS
@@ -207,7 +209,7 @@ def film(
 
 
 def small_turn(rotation: NDArray) -> NDArray[np.float64]:
-    """Rotation vector, radians, of a small rotation (3, 3): to first order. cv2.Rodrigues gives 0 below 1e-5."""
+    """Rotation vector, radians, of a small rotation (3, 3), to first order. cv2.Rodrigues gives 0 below 1e-5."""
     return 0.5 * np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )

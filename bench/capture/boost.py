@@ -1,4 +1,4 @@
-"""Cameras with one exposure: what clips is only a lower bound, and the board's white says how much is missing."""
+"""Cameras with one exposure: clipped values are only a lower bound, and the board's white says how much is missing."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ..goals import Goal, percent, row, skipped
 from .predicted import BANDS, TUNED
 from .recordings import FRESH, ROOM, recorded
 
-MOST = 1000.0  # times what clipped
-_EXPOSED = 0.4  # the mean of the darker nine tenths of the sky, of white: 7 to 22 % of the sphere clip
-_ALL = (0.5, 2.0)  # times that
+MOST = 1000.0  # times the value that clipped
+_EXPOSED = 0.4  # mean of the darker nine tenths of the sky, as a share of white: 7 to 22 % of the sphere clip
+_ALL = (0.5, 2.0)  # times that exposure
 
 
 @dataclass(frozen=True)
 class Same:
-    """One exposure for ever."""
+    """The same exposure for ever."""
 
     exposure: float
 
@@ -55,7 +55,7 @@ def true_map(place: str) -> fastibl.CubeMap:
 
 
 def one_exposure(cube: fastibl.CubeMap) -> float:
-    """As a camera would take it: bright enough for the darker nine tenths."""
+    """The exposure that a camera would choose: bright enough for the darker nine tenths of the sky."""
     above = fastibl.texel_directions(cube.size)[..., 2] > 0
     values = np.asarray(cube.faces, np.float64).mean(axis=-1)[above]
     return _EXPOSED / max(values[values <= np.quantile(values, 0.9)].mean(), 1e-12)
@@ -69,8 +69,8 @@ def on_plane(cube: fastibl.CubeMap) -> np.ndarray:
 
 @cache
 def moments(place: str, brighter: float, path: str, seed: int, most: float) -> list[Moment]:
-    """Of each third frame of 6 s with one exposure of the front camera, `brighter` times the usual; where nothing is
-    boosted of the last one."""
+    """Moments of every third frame of 6 s in which the front camera keeps one exposure, `brighter` times the usual one;
+    of the last frame alone where nothing is boosted."""
     film = recorded(
         place,
         seconds=6,
@@ -89,7 +89,7 @@ def moments(place: str, brighter: float, path: str, seed: int, most: float) -> l
     for index, frame in enumerate(film):
         pose = truth_of(film).pose(frame.time)
         capture.add(frame.back, film.rig.back, pose, exposure=frame.back_exposure, time=frame.time)
-        if index:  # the first has another exposure
+        if index:  # the first picture has another exposure
             turned = film.rig.front_from_back @ pose
             capture.add(frame.front, present(film.rig.front), turned, exposure=frame.front_exposure, time=frame.time)
         last = index == len(film) - 1

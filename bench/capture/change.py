@@ -23,7 +23,7 @@ _LAMP = np.array([0.25, 0.75, 0.62]) / np.linalg.norm([0.25, 0.75, 0.62])
 
 @cache
 def places() -> tuple[fastibl.CubeMap, fastibl.CubeMap]:
-    """A room-like gradient without and with a lamp of 6 degrees that doubles the irradiance."""
+    """A room-like gradient, without and with a lamp of 6 degrees that doubles the irradiance."""
     d = fastibl.texel_directions(128).astype(np.float64)
     dark = (0.25 + 0.1 * d[..., 2:] + 0.05 * np.sin(7 * d[..., :1]) * np.cos(5 * d[..., 1:2])) * np.array([1, 0.9, 0.8])
     lit = dark.copy()
@@ -33,7 +33,8 @@ def places() -> tuple[fastibl.CubeMap, fastibl.CubeMap]:
 
 
 def film(capture: fastibl.Capture) -> Iterator[tuple[float, float, fastibl.Environment]]:
-    """(time, the brightest radiance that the picture holds, map after it) of a hand-held camera that sees the lamp."""
+    """(time, the brightest radiance that the picture can hold, the map after it), from a hand-held camera that sees the
+    lamp."""
     camera = fastibl.Camera(320, 240, 200.0, 200.0, 160.0, 120.0)
     rng, rays = np.random.default_rng(0), fine_rays(camera)
     for k in range(round(_END * FPS)):
@@ -65,7 +66,7 @@ def switched() -> Iterator[Goal]:
         seen = np.asarray(env.confidence) > 0
         ours = np.asarray(env.radiance.faces, np.float64)
         lamp = ours[inner].mean(axis=0)
-        # What the picture can tell of the lamp: no more than white.
+        # What the picture can tell about the lamp: no more than white.
         shown = np.minimum(np.asarray(truth.faces, np.float64)[inner].mean(axis=0), white)
         first.setdefault(state, float((lamp / shown).min() if state == "on" else (shown / lamp).min()))
         a, b = (fastibl.CubeMap(np.where(seen[..., None], faces, 0)) for faces in (ours, truth.faces))

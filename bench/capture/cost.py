@@ -1,4 +1,4 @@
-"""What a picture costs the map."""
+"""What it costs to add a picture to the map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def cost() -> Iterator[Goal]:
         with measure.one_core():
             pictures = film(camera, radiance, 0.15, 0.9)
             passes = []
-            for _ in range(3):  # the same work; its least time is its own
+            for _ in range(3):  # the same work each time; the least time is that of the work alone
                 capture, times = fastibl.Capture(size=128), []
                 for k, (image, pose) in enumerate(pictures):
                     begin = time.process_time()

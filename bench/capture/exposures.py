@@ -1,4 +1,4 @@
-"""Which exposures the front camera takes, and what comes of exposures that are not told."""
+"""Which exposures the front camera takes, and what results from exposures that are not told."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ from .recordings import ROOM, sweep_film
 
 _TUNED = ("adams_place_bridge", "empty_warehouse_01", "studio_small_03")  # the constants of next_exposure.cpp
 _SIZE, _FPS, _SECONDS = (320, 240), 10, 6
-_STOPS = (-16, 2)  # the driver's range around the first exposure
+_STOPS = (-16, 2)  # range of the driver around the first exposure
 
 
 @dataclass
 class _Bracketed:
-    """errors: of the irradiance after 30 and 60 frames. dark: median error of the seen texels' radiance, ln."""
+    """errors: those of the irradiance after 30 and 60 frames. dark: median error of the seen texels' radiance, natural
+    log."""
 
     errors: list[float]
     dark: float
@@ -105,7 +106,7 @@ def adaptive_exposures() -> Iterator[Goal]:
 
 
 def _sweep(place: str, **options) -> fastibl.Recording:
-    """Of both cameras, 60 frames in light that stays."""
+    """A film of both cameras, 60 frames in constant light."""
     return sweep_film(place, seconds=_SECONDS, fps=_FPS, seed=3, size=_SIZE, **options)
 
 
@@ -169,7 +170,7 @@ def untold_exposures() -> Iterator[Goal]:
 
 
 def _held(last: float) -> float:
-    """The exposure of a front picture after one of `last`."""
+    """The exposure of the front picture that follows one with `last`."""
     return last
 
 

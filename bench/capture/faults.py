@@ -1,4 +1,4 @@
-"""A session over 10 000 frames with everything wrong with them that cameras do."""
+"""A session over 10 000 frames that have every fault cameras can have."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from .recordings import sweep_film
 
 FRAMES, FPS, SECONDS = 10_000, 15, 20
 _MAP = "potsdamer_platz"
-_RATE = 0.1  # of pictures at which a fault begins
-_LOOK = 50  # frames between looks at the map's error and at the memory
-_WARM = 1000  # frames after which memory is to stay what it is
-# With these the board is not to be seen as it stands now: a pose would be an old one.
+_RATE = 0.1  # share of pictures at which a fault begins
+_LOOK = 50  # frames between checks of the map's error and of the memory
+_WARM = 1000  # frames after which memory must not grow
+# In these cases the board is not seen where it is now: a pose would be an old one.
 _NO_POSE = ("dropped", "unplugged", "black", "frozen", "mirrored", "resized")
-_WRONG = ("torn", "zoom")  # the board is seen, and not as it stands
+_WRONG = ("torn", "zoom")  # the board is seen, but not where it is
 
 
 class Laps:
-    """A sweep forth and back, over and over, in one time. `pose` is the true one of the frame given last."""
+    """A sweep played forth and back, over and over, with time running on. `pose` is the true one of the frame given
+    last."""
 
     def __init__(self, film: fastibl.Recording, count: int, first: int = 0):
         self.rig, self.board, self.truth = film.rig, film.board, truth_of(film)
@@ -51,7 +52,8 @@ class Laps:
 
 @dataclass
 class Run:
-    """What came of it. errors: of the irradiance (frame, error). by_kind: rotation error in degrees, None: no pose."""
+    """The results. errors: of the irradiance (frame, error). by_kind: rotation error in degrees; None where there was
+    no pose."""
 
     errors: list[tuple[int, float]] = field(default_factory=list)
     by_kind: dict[str, list[float | None]] = field(default_factory=lambda: defaultdict(list))
@@ -63,7 +65,7 @@ class Run:
 
 
 def session_for(film: fastibl.Recording) -> fastibl.Session:
-    """Tracks, captures and draws a small ball: what a frame costs is measured elsewhere."""
+    """A session that tracks, captures and draws a small ball: the cost of a frame is measured elsewhere."""
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([0.03 * np.cos(angles), 0.03 * np.sin(angles), np.full(12, 0.1)], axis=-1)
     points = np.concatenate([ring, [[0, 0, 0.07], [0, 0, 0.13]]])

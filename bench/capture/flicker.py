@@ -1,4 +1,4 @@
-"""Lamps on the mains, whose light swings by half up and down, in exposures shorter than a swing."""
+"""Lamps on the mains, whose light swings by half up and down, in exposures shorter than one swing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..goals import Goal, percent, row, skipped
 from .recordings import ROOM, sweep_film
 
 _FRAMES, _SIZE = 60, (320, 240)
-# What, pictures a second, goal of the irradiance's error, what simulate() is given.
+# What is measured, pictures a second, goal for the irradiance's error, arguments of simulate().
 CASES: tuple[tuple[str, float, float, dict[str, Any]], ...] = (
     ("instant exposures", 15, 0.02, {}),
     ("instant exposures, at no rate of the mains", 13.0, 0.02, {}),
@@ -28,7 +28,8 @@ CASES: tuple[tuple[str, float, float, dict[str, Any]], ...] = (
 
 @dataclass(frozen=True)
 class Run:
-    """error: of the irradiance, the mean over the last ten frames. averaged: pictures that were."""
+    """error: that of the irradiance, the mean over the last ten frames. averaged: number of pictures that were
+    averaged."""
 
     error: float
     averaged: int

@@ -1,4 +1,4 @@
-"""Main lights of captured maps against regions of the true ones."""
+"""Main lights of captured maps, compared with regions of the true maps."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .recordings import sweeps
 
-_BRIGHT, _SHARE = 8.0, 0.1  # times the mean; of the irradiance on a plane that faces the region
-_REACH = np.cos(np.radians(10.0))  # a light further than this from a region is another
+_BRIGHT, _SHARE = 8.0, 0.1  # times the map's mean; share of the irradiance on a plane that faces the region
+_REACH = np.cos(np.radians(10.0))  # a light further than this from a region belongs to something else
 
 
 @dataclass(frozen=True)
 class Region:
-    """Connected texels above 8 times the map's mean. irradiance: RGB, on a plane that faces its centre."""
+    """Connected texels above 8 times the map's mean. irradiance: RGB, on a plane that faces the region's centre."""
 
     direction: NDArray
     irradiance: NDArray
-    directions: NDArray  # of its texels
+    directions: NDArray  # those of its texels
 
 
 def regions(cube: fastibl.CubeMap) -> list[Region]:
-    """Of those that carry a tenth of the irradiance on a plane that faces them; brightest first."""
-    faces = level_at_most(cube, 64)  # where bars of a window part nothing
+    """The regions that carry a tenth of the irradiance on a plane that faces them; brightest first."""
+    faces = level_at_most(cube, 64)  # coarse enough that bars of a window split nothing
     n = faces.shape[1]
     d = fastibl.texel_directions(n).astype(np.float64)
     flux = faces * np.broadcast_to(fastibl.texel_solid_angles(n)[..., None], faces.shape[1:])
@@ -44,7 +44,7 @@ def regions(cube: fastibl.CubeMap) -> list[Region]:
         found, part = cv2.connectedComponents(bright[face].astype(np.uint8), connectivity=8)
         labels[face] = np.where(part > 0, part + count, 0)
         count += found - 1
-    # Regions that meet across an edge of the cube are one: texels nearer than 1.5 texels.
+    # Regions that meet across an edge of the cube are one: they have texels less than 1.5 texels apart.
     owner = list(range(count + 1))
 
     def root(k: int) -> int:
@@ -80,7 +80,7 @@ class Found:
 
 
 def match(lights: list, truth: list[Region]) -> tuple[list[Found | None], int]:
-    """What was found of each region: the light nearest to it, of which no two have the same; and how many are left."""
+    """What was found for each region: the nearest light, but no light twice; and the number of lights that are left."""
     left = list(lights)
     out: list[Found | None] = []
     for region in truth:

@@ -1,4 +1,4 @@
-"""Merging of exposures alone: a still camera with known poses, shot and read noise, 8 bit, no lens blur."""
+"""Merging of exposures alone: a still camera with known poses, shot and read noise, 8 bits, no lens blur."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ..goals import Goal, percent, row, skipped
 from ..light.speed import looking
 
 FULL_WELL, READ_NOISE = 4000.0, 6.0  # electrons
-_EXPOSED = 0.4  # the mean of the darker nine tenths, of white
-_STOPS, _MOST = 4, 5  # between exposures; of them
+_EXPOSED = 0.4  # mean of the darker nine tenths, as a share of white
+_STOPS, _MOST = 4, 5  # stops between exposures; most exposures
 _SIZE, _WIDTH = 64, 256  # of the map, of the square pictures of 100 degrees
 
 
 def views() -> list[fastibl.Pose]:
     """camera_from_marker of cameras at (0, 0, 0.05) that see the upper hemisphere."""
-    rings = ((20, 6), (60, 4))  # degrees above the horizon, number around
+    rings = ((20, 6), (60, 4))  # degrees above the horizon, number of views around
     turns = [(2 * np.pi * (k + 0.25) / count, np.radians(up)) for up, count in rings for k in range(count)]
     return [
         looking(np.array([np.cos(a) * np.cos(u), np.sin(a) * np.cos(u), np.sin(u)]), np.array([0, 0, 0.05]))
@@ -39,7 +39,7 @@ def fine_rays(camera: fastibl.Camera) -> NDArray:
 
 
 def picture(light: NDArray, camera: fastibl.Camera, exposure: float, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """8 bit, with shot and read noise."""
+    """An 8-bit picture with shot and read noise."""
     y = light * exposure
     noise = rng.normal(size=y.shape) * np.sqrt(np.maximum(y, 0) / FULL_WELL + (READ_NOISE / FULL_WELL) ** 2)
     codes = 255 * camera.response.encode(np.clip(y + noise, 0, 1).astype(np.float32))
@@ -47,19 +47,20 @@ def picture(light: NDArray, camera: fastibl.Camera, exposure: float, rng: np.ran
 
 
 def without_horizon(cube: fastibl.CubeMap) -> fastibl.CubeMap:
-    """The lower half mirrors the upper one, so that no edge lies along the horizon: that is not what is measured."""
+    """Makes the lower half mirror the upper one, so that no edge lies along the horizon: that is not what is
+    measured."""
     d = fastibl.texel_directions(cube.size)
     above = np.concatenate([d[..., :2], np.abs(d[..., 2:])], axis=-1)
     return fastibl.CubeMap(cube.sample(above))
 
 
 def glare(light: NDArray, share: float) -> NDArray:
-    """Veiling glare: a share of the light spreads over the whole picture."""
+    """Adds veiling glare: a share of the light spreads over the whole picture."""
     return light if share == 0 else (1 - share) * light + share * light.mean(axis=(0, 1))
 
 
 def exposures(truth: fastibl.CubeMap, stops: int = _STOPS, most: int = _MOST) -> list[float]:
-    """The first holds the darker parts; shorter ones follow while anything clips."""
+    """Exposures: the first suits the darker parts, and shorter ones follow while anything clips."""
     values = np.asarray(truth.faces, np.float64).mean(axis=-1).ravel()
     first = _EXPOSED / max(values[values <= np.quantile(values, 0.9)].mean(), 1e-12)
     brightest = float(np.asarray(truth.faces).max())
@@ -85,7 +86,7 @@ def captured(truth: fastibl.CubeMap, steps: list[float], veil: float = 0.0) -> f
 
 
 def error(truth: fastibl.CubeMap, env: fastibl.Environment) -> float:
-    """Median over normals of the error of the irradiance by what was seen above the horizon."""
+    """Median over normals of the irradiance's error, from what was seen above the horizon."""
     seen = (env.confidence > 0) & (fastibl.texel_directions(_SIZE)[..., 2] > 0)
     ours = np.where(seen[..., None], env.radiance.faces, 0)
     level = next(truth.level(k) for k in range(truth.level_count) if truth.level(k).shape[1] == _SIZE)
@@ -119,7 +120,7 @@ def merge() -> Iterator[Goal]:
 
 @row("capture", "merge of exposures 20 stops apart")
 def far_apart() -> Iterator[Goal]:
-    """A constant place with one lamp of a million: no fixed weight may leak."""
+    """A constant place with one lamp of a million: no fixed weight may leak its light."""
     faces = np.ones((6, 128, 128, 3), np.float32)
     d = fastibl.texel_directions(128)
     lamp = d @ (np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])) > np.cos(0.12)

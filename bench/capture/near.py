@@ -1,8 +1,8 @@
-"""Lights that are near: object and shadow against rays cast from each of their points, by the lamp's distance.
+"""Near lights: object and shadow compared with rays cast from each of their points, by the lamp's distance.
 
-A lamp hangs in the built-in room, whose windows are near, too. Its power grows with the square of its distance, so
-that its light at the map's centre stays the same. The truth is in float64 NumPy and knows nothing of the map: rays
-from each point into the room, and to points of the lamp's disc.
+A lamp hangs in the built-in room, whose windows are near, too. Its power grows with the square of its distance, so that
+its light at the map's centre stays the same. The truth is in float64 NumPy and knows nothing of the map: it casts rays
+from each point into the room and to points of the lamp's disc.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ..goals import Goal, percent, row
 
 CENTRE = np.array([0.0, 0.0, 0.06])  # of the map: the middle of the object
 HEIGHT = 0.12
-DISTANCES = (0.3, 0.5, 1.0, 2.0, 4.0)  # metres from there
+DISTANCES = (0.3, 0.5, 1.0, 2.0, 4.0)  # metres from that centre
 RADIUS = 0.04
 TOWARDS = np.array([0.55, -0.35, 0.76]) / np.linalg.norm([0.55, -0.35, 0.76])
-_STRENGTH = 1.5  # irradiance that faces the lamp at the centre, by the mean over all normals of the room's
-_RAYS, _SPLIT = 40, 3  # directions along an edge of a face that are looked along, and parts of each whose light is
-_POINTS = 200  # of the lamp's disc
+_STRENGTH = 1.5  # irradiance facing the lamp at the centre, divided by the room's mean over all normals
+_RAYS, _SPLIT = 40, 3  # directions along a face's edge in which to look; parts of each, for its light
+_POINTS = 200  # points of the lamp's disc
 _PIXELS = 500
 
 
@@ -46,7 +46,7 @@ def _directions(size: int = _RAYS) -> tuple[NDArray, NDArray]:
 
 
 def room_light(eye: NDArray, normal: NDArray) -> NDArray:
-    """Irradiance (k, 3) from the room by each of the directions, summed over its parts."""
+    """Irradiance (k, 3) from the room by each of the directions, summed over each direction's parts."""
     d, angles = _directions(_RAYS * _SPLIT)
     weight = angles * np.maximum(d @ normal, 0)
     light = np.zeros((len(d), 3))
@@ -57,28 +57,29 @@ def room_light(eye: NDArray, normal: NDArray) -> NDArray:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A sphere of even radiance, grey."""
+    """A grey sphere of even radiance."""
 
     position: NDArray
     radius: float
     radiance: float
 
     def disc(self, point: NDArray) -> tuple[NDArray, float]:
-        """Unit directions (k, 3) from a point to places even over the solid angle of the lamp, and what each holds."""
+        """Unit directions (k, 3) from a point to places spread evenly over the solid angle of the lamp, and the solid
+        angle of each."""
         arrow = self.position - point
         sine2 = min(self.radius**2 / float(arrow @ arrow), 1.0)
         z = arrow / np.linalg.norm(arrow)
         x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.7 else [0, 1.0, 0])
         x /= np.linalg.norm(x)
         k = np.arange(_POINTS)
-        span = sine2 / (1 + np.sqrt(1 - sine2))  # 1 - cosine of the edge
+        span = sine2 / (1 + np.sqrt(1 - sine2))  # 1 - cosine of the angle to the edge
         cosine = 1 - span * (k + 0.5) / _POINTS
         sine, turn = np.sqrt(1 - cosine**2), k * np.pi * (3 - np.sqrt(5))
         d = cosine[:, None] * z + sine[:, None] * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * np.cross(z, x))
         return d, 2 * np.pi * span / _POINTS
 
     def seen(self, eye: NDArray, directions: NDArray) -> NDArray:
-        """Whether rays of unit length from a place meet it."""
+        """Whether rays of unit length from a place meet the lamp."""
         arrow = self.position - eye
         along = directions @ arrow
         return (along > 0) & (arrow @ arrow - along**2 < self.radius**2)
@@ -93,7 +94,7 @@ def lamp_at(distance: float) -> Lamp:
 
 
 def light_from(eye: NDArray, directions: NDArray, lamp: Lamp) -> NDArray:
-    """Radiance (..., 3) of room and lamp."""
+    """Radiance (..., 3) of the room and the lamp."""
     d = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     light = np.array(room().radiance(eye, d))
     light[lamp.seen(eye, d)] = lamp.radiance
@@ -120,7 +121,7 @@ class Surface:
 
     @cached_property
     def of_room(self) -> tuple[NDArray, NDArray]:
-        """Irradiance (n, 3) by the room with the object, and without."""
+        """Irradiance (n, 3) from the room, with the object and without."""
         d, _ = _directions()
         out = np.zeros((2, len(self.points), 3))
         for k, (p, n) in enumerate(zip(self.points, self.normals, strict=True)):
@@ -162,7 +163,7 @@ def camera() -> tuple[fastibl.Camera, fastibl.Pose]:
 
 @cache
 def seen() -> tuple[NDArray, Surface]:
-    """Pixels (n, 2: row, column) that show the object, and what they show of it."""
+    """Pixels (n, 2: row, column) that show the object, and the surface that they show."""
     lens, pose = camera()
     rows, columns = np.meshgrid(np.arange(lens.height), np.arange(lens.width), indexing="ij")
     pixels = np.stack([rows, columns], axis=-1).reshape(-1, 2)
@@ -180,7 +181,7 @@ def seen() -> tuple[NDArray, Surface]:
 
 @cache
 def plane() -> Surface:
-    """Points of the marker plane around the object, not under it."""
+    """Points of the marker plane around the object, but not under it."""
     grid = (np.arange(36) + 0.5) / 36 * 0.56 - 0.28
     p = np.stack([*np.meshgrid(grid, grid), np.zeros((36, 36))], axis=-1).reshape(-1, 3)
     up = np.tile(np.array([0, 0, 1], np.float32), (len(p), 1))
@@ -188,7 +189,7 @@ def plane() -> Surface:
     return Surface(p, np.tile([0.0, 0, 1], (len(p), 1)), bvh())
 
 
-_EXPONENT = 32.0  # of the glossy object
+_EXPONENT = 32.0  # that of the glossy object
 MATTE = fastibl.Material(diffuse=(1, 1, 1))
 GLOSSY = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=_EXPONENT)
 
@@ -209,7 +210,7 @@ def _views() -> NDArray:
 
 @cache
 def _glossy_of_room(exponent: float) -> tuple[NDArray, NDArray]:
-    """Sum of room and lobe (n, 3) of each pixel, nothing hidden, and of the lobe alone (n, 1)."""
+    """Sum of room times lobe (n, 3) of each pixel, with nothing hidden, and of the lobe alone (n, 1)."""
     _, surface = seen()
     d, angles = _directions(_RAYS * _SPLIT)
     sums, whole = np.zeros((len(surface.points), 3)), np.zeros((len(surface.points), 1))
@@ -233,9 +234,10 @@ def _glossy(lamp: Lamp, exponent: float = _EXPONENT) -> NDArray:
 
 @dataclass(frozen=True)
 class Errors:
-    """RMS over RGB and places. irradiance, pixels, glossy: by the true mean; shadow: of the ratio where there is any.
+    """RMS over RGB and places. irradiance, pixels, glossy: divided by the true mean; shadow: error of the ratio where
+    there is any shadow.
 
-    irradiance, glossy: of the object where it hides nothing of itself; pixels: as it is.
+    irradiance, glossy: of the object as if it hid nothing from itself; pixels: of the object as it is.
     """
 
     irradiance: float
@@ -257,7 +259,7 @@ def _rendered(
     at = pixels - [layer.y, layer.x]
     inside = np.all((at >= 0) & (at < layer.rgba.shape[:2]), axis=1)
     rgba = layer.rgba[tuple(np.where(inside[:, None], at, 0).T)]
-    return rgba[:, :3], inside & (rgba[:, 3] == 1), result.shadow_map  # a pixel's edge is another matter
+    return rgba[:, :3], inside & (rgba[:, 3] == 1), result.shadow_map  # the edge of a pixel is not what is measured
 
 
 def _relative(light: NDArray, true: NDArray, whole: NDArray) -> float:
@@ -265,7 +267,7 @@ def _relative(light: NDArray, true: NDArray, whole: NDArray) -> float:
 
 
 def errors(environment: fastibl.Environment, lamp: Lamp, backend: str = "cpu") -> Errors:
-    """Of a white object, a glossy one, and their shadow."""
+    """The errors of a white object, of a glossy one, and of their shadow."""
     _, surface = seen()
     shadowed, bare = ((a + b) / np.pi for a, b in zip(surface.of_room, surface.of_lamp(lamp), strict=True))
     matte, whole, shadow = _rendered(environment, MATTE, "auto", backend)
@@ -315,7 +317,7 @@ def captured(distance: float) -> NDArray:
     return np.asarray(capture.environment().light_positions)
 
 
-# Relative to what is wrong when the lamp is taken as distant, and absolutely; for lamps up to half a metre away.
+# Relative to the error when the lamp is taken as distant, and absolute; for lamps up to half a metre away.
 _GOALS = {"irradiance": (1 / 3, 0.03), "pixels": (0.5, 0.03), "glossy": (0.5, None), "shadow": (1 / 3, 0.03)}
 
 
@@ -344,7 +346,7 @@ def near_light() -> Iterator[Goal]:
 
 @row("capture", "near walls")
 def near_walls() -> Iterator[Goal]:
-    """The same room with the lamp at 1 m, its box known or not."""
+    """The same room with the lamp at 1 m, with its box known or not."""
     lamp, cube = lamp_at(1.0), true_map(1.0)
     place = np.array([[*lamp.position, lamp.radius]])
     box = [(LOWER - [0, 0, 0.001]).tolist(), UPPER.tolist()]

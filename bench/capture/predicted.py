@@ -1,4 +1,4 @@
-"""Whether what a map says of its own error is true."""
+"""Whether a map's statement about its own error is true."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .recordings import FRESH, ROOM, Moment, moment_of, moments
 
-# The expected error was fitted to the first film of each path of these, the interval's width to those of all places.
+# The expected error was fitted to the first film of each path in these places, the interval's width to those of all
+# places.
 TUNED = ("adams_place_bridge", "dikhololo_night", "empty_warehouse_01", "kiara_1_dawn")
 BANDS = ((0.0, 0.3), (0.3, 0.5), (0.5, 0.7), (0.7, 1.0))  # of coverage
 
 
 @cache
 def films(place: str) -> list[Moment]:
-    """All frames of sweeps and of wandering hands, two of each."""
+    """All frames of sweeps and of wandering hands, two films of each."""
     return [m for path in ("sweep", "hand") for seed in (0, 1) for m in moments(place, path, seed)]
 
 
@@ -71,7 +72,7 @@ def predicted() -> Iterator[Goal]:
 
 @row("capture", "predicted error of a session in a room")
 def in_a_room() -> Iterator[Goal]:
-    """As the demo films it: walls and lamps at 1 to 3 m, of which no lamp's place may be known for long."""
+    """The room as the demo films it: walls and lamps at 1 to 3 m, where for long no lamp's place may be known."""
     shares, notes = [], []
     for seed, hand in ((0, True), (0, False), (1, False), (2, False)):
         film = fastibl.simulate(seconds=12, fps=8, size=(320, 240), seed=seed, hand=hand, lamp=False)

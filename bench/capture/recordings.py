@@ -1,4 +1,4 @@
-"""Recordings that the rows share, kept between runs, and what capture made of them."""
+"""Recordings that rows share, kept between runs, and what capture made of them."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from fastibl.recording import truth_of
 from .. import inputs
 from ..brute import CACHE
 
-FRESH = "immenstadter_horn"  # a sun
-ROOM = "room"  # the built-in one, with walls and lamps at 1 to 3 m
+FRESH = "immenstadter_horn"  # a place with a sun
+ROOM = "room"  # the built-in room, with walls and lamps at 1 to 3 m
 _SOURCES = tuple(Path(inspect.getfile(module)) for module in (recording, room, shutter, simulator))
 
 
 def recorded(place: str, **options) -> fastibl.Recording:
-    """fastibl.simulate(...) in a place by name, kept by its options and by the sources that make it."""
+    """fastibl.simulate(...) in a place given by name; kept by its options and by the sources that make it."""
     path = {ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))
     named = {name: getattr(value, "__qualname__", value) for name, value in options.items()}
     parts = hashlib.sha256(repr((place, fastibl.__version__, sorted(named.items()))).encode())
@@ -36,17 +36,17 @@ def recorded(place: str, **options) -> fastibl.Recording:
         parts.update(source.read_bytes())
     folder = CACHE / f"recording-{parts.hexdigest()[:20]}"
     if not folder.is_dir():
-        made = folder.with_suffix(f".{os.getpid()}.part")  # others may make the same
+        made = folder.with_suffix(f".{os.getpid()}.part")  # other processes may make the same one
         shutil.rmtree(made, ignore_errors=True)
         fastibl.simulate(path, out=made, **options)
-        with contextlib.suppress(OSError):  # another was first
+        with contextlib.suppress(OSError):  # another process was first
             made.rename(folder)
         shutil.rmtree(made, ignore_errors=True)
     return fastibl.Recording.open(folder)
 
 
 def sweep_film(place: str, **options) -> fastibl.Recording:
-    """That of both cameras, all round, in light that stays."""
+    """A sweep of both cameras all round, in constant light."""
     return recorded(place, position=inputs.OBJECT, path="sweep", hand=False, lamp=False, **options)
 
 
@@ -69,12 +69,12 @@ def moment_of(environment: fastibl.Environment, true: fastibl.CubeMap) -> Moment
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is known in the end."""
+    """What is known at the end of a sweep."""
 
     moment: Moment
     environment: fastibl.Environment
     true: fastibl.CubeMap
-    tracked: int  # frames
+    tracked: int  # number of frames
 
 
 @cache
@@ -92,7 +92,7 @@ def sweep(place: str, distance: float = float("inf")) -> Sweep:
 
 
 def sweeps() -> Iterator[tuple[str, Sweep]]:
-    """Of all maps at infinity."""
+    """The sweeps of all maps at infinity."""
     for name in inputs.MAPS:
         yield name, sweep(name)
 
@@ -122,5 +122,5 @@ def followed(place: str, frames_a_second: float, path: str, seed: int, **options
 
 @cache
 def moments(place: str, path: str, seed: int) -> list[Moment]:
-    """Of each frame of a film by `path`, "hand" or "sweep"."""
+    """The moments of each frame of a film by `path`, "hand" or "sweep"."""
     return [moment_of(environment, true) for _, environment, true in followed(place, 10, path, seed)]

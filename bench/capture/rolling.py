@@ -1,4 +1,4 @@
-"""Maps captured with a rolling shutter while the camera turns, against those of a global one."""
+"""Maps captured with a rolling shutter while the camera turns, compared with those of a global shutter."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Errors:
 
 @cache
 def errors(name: str, up_and_down: bool) -> Errors:
-    """Of the bracketing front camera, poses known."""
+    """The errors of the bracketing front camera, with known poses."""
     turn = fastibl.Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
     rig = fastibl.Rig(fastibl.Camera(16, 16, fx=16, fy=16, cx=8, cy=8), _WIDE, turn)
     environment = fastibl.read_environment(inputs.MAPS[name], size=256)
@@ -67,7 +67,7 @@ def errors(name: str, up_and_down: bool) -> Errors:
         captured(rolling, lambda _: None),
     )
     truth = DistantPlace(environment).truth(_CENTRE, _SIZE).faces.astype(np.float64)
-    white = 1 / min(present(f.front_exposure) for f in still)  # no picture tells more
+    white = 1 / min(present(f.front_exposure) for f in still)  # the largest value that a picture can tell
     seen = np.all([s for _, s in maps], axis=0) & (fastibl.texel_directions(_SIZE)[..., 2] > 0.05)
     true = np.minimum(truth[seen], white)
     return Errors(*(float(np.abs(np.minimum(m[seen], white) - true).mean() / true.mean()) for m, _ in maps))

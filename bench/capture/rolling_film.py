@@ -1,4 +1,4 @@
-"""Films of a board by a rolling shutter: each row of pixels is rendered by the pose of its own time."""
+"""Films of a board with a rolling shutter: each row of pixels is rendered with the pose of its own time."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .board_film import CAMERA, FINE, FPS, TABLE, Look, disturbed, page, picture
 
 READOUT = 0.03  # seconds
 TURN = np.radians(60)  # a second
-Path = Callable[[float], NDArray]  # camera_from_marker (4, 4) of a time
+Path = Callable[[float], NDArray]  # camera_from_marker (4, 4) at a time
 
 ROLLING = CAMERA.replace(readout=READOUT)
 
 
 def board_light(board: fastibl.Board, pose_at: Path, time: float, camera: fastibl.Camera) -> NDArray[np.float32]:
-    """(height, width) linear: row r by the pose at time + r / height * readout."""
+    """(height, width), linear: row r is seen by the pose at time + r / height * readout."""
     height, width = camera.height, camera.width
     poses = np.stack([pose_at(time + r / height * camera.readout) for r in range(height)])
     dpi = int(np.clip(53 / np.linalg.norm(poses[0, :3, 3]), 25, 150))
@@ -30,7 +30,7 @@ def board_light(board: fastibl.Board, pose_at: Path, time: float, camera: fastib
         [[texel, 0, 0.5 * texel - board.width / 2], [0, -texel, board.height / 2 - 0.5 * texel], [0, 0, 1]]
     )
     K = camera.opencv_matrix.copy()
-    K[:2, 2] += 0.5  # pixel centres at + 0.5
+    K[:2, 2] += 0.5  # pixel centres are at + 0.5
     texel_from_pixel = np.linalg.inv(K @ poses[:, :3][:, :, [0, 1, 3]] @ marker_from_texel)
     x, y = (np.arange(width * FINE) + 0.5) / FINE, (np.arange(height * FINE) + 0.5) / FINE
     m = np.repeat(texel_from_pixel, FINE, axis=0)
@@ -46,13 +46,14 @@ def board_light(board: fastibl.Board, pose_at: Path, time: float, camera: fastib
 
 
 def around(seed: int, tilt: float = 35.0, distance: float = 0.45) -> Path:
-    """Around the board, which stays in the middle."""
+    """A path around the board, which stays in the middle of the picture."""
     start = np.random.default_rng([seed, 5]).uniform(0, 360)
     return lambda t: look_at(tilt, distance, start + np.degrees(TURN) * t, 5 * np.sin(t))
 
 
 def to_and_fro(seed: int, axis: tuple[float, float, float]) -> Path:
-    """About the camera's own place with 60 degrees a second at most, the board to and fro through the picture."""
+    """A turn about the camera's own place at 60 degrees a second at most; the board moves to and fro through the
+    picture."""
     rng = np.random.default_rng([seed, 6])
     middle = look_at(rng.uniform(15, 45), 0.5, rng.uniform(0, 360))
     phase, rate = rng.uniform(0, 2 * np.pi), TURN / np.radians(10)

@@ -1,4 +1,4 @@
-"""A rolling shutter and two clocks: poses, readout and offset against the truth, and what ignoring them costs."""
+"""A rolling shutter and two clocks: poses, readout and offset compared with the truth, and what ignoring them costs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def shots(name: str, seed: int) -> tuple[tuple[float, NDArray[np.uint8]], ...]:
 
 @dataclass
 class Followed:
-    """Degrees, one a picture; CPU seconds, without the first two pictures."""
+    """Degrees, one per picture; CPU seconds, without the first two pictures."""
 
     first: list[float]
     last: list[float]
@@ -89,7 +89,7 @@ def poses() -> Iterator[Goal]:
 
 
 def other_clock(path: Path) -> tuple[NDArray, NDArray]:
-    """Poses of something fixed to the camera, 200 a second, by a clock that is OFFSET ahead of the pictures'."""
+    """Poses of something fixed to the camera, 200 a second, by a clock that is OFFSET ahead of that of the pictures."""
     mounted = fastibl.Pose.from_rotation_vector([0.3, -1.0, 0.5], [0.1, 0.2, 0.3]).matrix
     times = np.arange(-0.3, FRAMES / 30 + 0.3, 0.005)
     return times + OFFSET, np.array([mounted @ path(t) for t in times])
@@ -117,12 +117,12 @@ def clocks() -> Iterator[Goal]:
             (f"error by the stated deviation: median {np.median(by_deviation[:, k]):.1f}, "
              f"worst {by_deviation[:, k].max():.1f}",),
         )  # fmt: skip
-    # Poses of the other clock, by the offset that was found; and tracked ones by the readout that was found.
+    # Poses of the other clock, with the offset that was found; and tracked poses, with the readout that was found.
     given, late, tracked = [], [], []
     for (name, seed), timing in found.items():
         path = PATHS[name](seed)
         times, matrices = other_clock(path)
-        # The mount is known to whoever gives poses.
+        # Whoever gives poses knows the mount.
         mounted = matrices[0] @ np.linalg.inv(path(times[0] - OFFSET))
         known = PosePath(times, [fastibl.Pose(np.linalg.inv(mounted) @ m) for m in matrices])
         offset = present(timing.clock_offset)
@@ -141,7 +141,7 @@ def clocks() -> Iterator[Goal]:
 
 
 def around(time: float) -> fastibl.Pose:
-    """Around the board at 60 degrees a second, up and down."""
+    """A path around the board at 60 degrees a second, up and down."""
     tilt, azimuth = np.radians(48 + 9 * np.sin(2.5 * time)), TURN * time
     away = np.array([np.sin(tilt) * np.sin(azimuth), -np.sin(tilt) * np.cos(azimuth), np.cos(tilt)])
     return looking(-away, 0.5 * away)
@@ -149,7 +149,8 @@ def around(time: float) -> fastibl.Pose:
 
 @dataclass(frozen=True)
 class Maps:
-    """Mean |map - truth| / mean truth of texels above the horizon that all runs saw; and the poses' p95, degrees."""
+    """Mean |map - truth| / mean truth of texels above the horizon that all runs saw; and the 95th percentile of the
+    poses' error, degrees."""
 
     still: float
     tracked: float
@@ -171,7 +172,7 @@ def maps(name: str) -> Maps:
     scene = fastibl.Scene(mesh, fastibl.Material(), spheres=0, visibility_rays=0)
 
     times = np.arange(-0.2, 3.4, 0.005)
-    reference = times, [around(t) for t in times]  # by the clock of the truth
+    reference = times, [around(t) for t in times]  # by the truth's clock
     timing = calibrate_timing(
         ((f.time, present(f.back)) for f in rolling), rolling.rig.back, rolling.board, poses=reference
     )
@@ -201,7 +202,7 @@ def maps(name: str) -> Maps:
         run(rolling, with_readout(rolling.rig, 0.0), known),
     )
     truth = DistantPlace(environment).truth((0.0, 0.0, 0.12), 128).faces.astype(np.float64)
-    white = 1 / min(present(f.front_exposure) for f in still)  # no picture tells more
+    white = 1 / min(present(f.front_exposure) for f in still)  # the largest value that a picture can tell
     seen = np.all([s for _, s, _ in runs], axis=0) & (fastibl.texel_directions(128)[..., 2] > 0.05)
     true = np.minimum(truth[seen], white)
     of_still, tracked, given, ignored = (

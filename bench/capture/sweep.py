@@ -1,4 +1,4 @@
-"""The irradiance of maps that a sweep captured, against the true ones."""
+"""The irradiance of maps that a sweep captured, compared with that of the true maps."""
 
 from __future__ import annotations
 

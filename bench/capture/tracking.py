@@ -1,7 +1,7 @@
 """Tracking: error of the pose on films with a known path, photographs of a printed board, time and jitter.
 
-FASTIBL_TRACKING_FRAMES sets the frames of the hard set, all disturbances together (default 700; the goal is stated for
-10 000, which take a quarter of an hour on one free core).
+FASTIBL_TRACKING_FRAMES sets the number of frames of the hard set, with all disturbances together (default 700; the goal
+is stated for 10 000, which take a quarter of an hour on one free core).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WRONG = 5.0  # degrees
 
 @dataclass
 class Errors:
-    """Of a run: degrees and shares of the distance, None where there was no pose."""
+    """The errors of a run: degrees and shares of the distance; none: number of frames without a pose."""
 
     degrees: list[float] = field(default_factory=list)
     shifts: list[float] = field(default_factory=list)
@@ -84,7 +84,7 @@ class Errors:
 
 
 def follow(board: fastibl.Board, path: HandPath, look: Look, frames: int, seed: int, clear: int = CLEAR) -> Errors:
-    """One film through one tracker."""
+    """Runs one film through one tracker."""
     tracker, errors = fastibl.Tracker(board, CAMERA), Errors()
     for k, (now, pose, image) in enumerate(film(board, path, look, frames, seed, clear)):
         begin = time.thread_time()
@@ -97,7 +97,7 @@ def follow(board: fastibl.Board, path: HandPath, look: Look, frames: int, seed: 
 
 
 def follow_all(board: fastibl.Board, look: Look, frames: int, film_length: int = 100, **path) -> Errors:
-    """Films by other hands until there are enough frames."""
+    """Runs films by different hands until there are enough frames."""
     errors, seed = Errors(), 0
     while errors.frames < frames:
         length = min(film_length, frames - errors.frames)
@@ -151,7 +151,7 @@ def extremes() -> Iterator[Goal]:
     for k in range(24):
         tracker, rng = fastibl.Tracker(BOARD, CAMERA), np.random.default_rng(k)
         pose = look_at(0.0, 0.4 + 0.01 * k, 0.0, [0.0, 90.0, 45.0, 15.0 * k][k % 4])
-        for _ in range(2):  # detected, then followed
+        for _ in range(2):  # once detected, then followed
             tracked = tracker.track(film_picture(BOARD, pose, Look(), rng))
             errors.add(tracked, pose)
     yield Goal("exactly head-on: worst", f"{errors.rotation(100):.4f} degrees", "<= 0.05, all given",
@@ -181,7 +181,7 @@ def film_picture(board: fastibl.Board, pose: NDArray, look: Look, rng: np.random
 
 
 class _Tilting(HandPath):
-    """From 45 to 75 degrees in one second, then it stays there and goes round."""
+    """Tilts from 45 to 75 degrees in one second, then keeps that tilt and goes round."""
 
     def pose(self, time: float) -> NDArray:
         tilt = min(75.0, 45.0 + 30.0 * time)
@@ -189,7 +189,7 @@ class _Tilting(HandPath):
 
 
 class _Receding(HandPath):
-    """From 44 px to 10 px a side in one and a half seconds."""
+    """Recedes until a tag's side is 10 px instead of 44 px, in one and a half seconds."""
 
     def pose(self, time: float) -> NDArray:
         side = max(10.0, 44.0 * (10.0 / 44.0) ** (time / 1.5))
@@ -197,7 +197,7 @@ class _Receding(HandPath):
 
 
 def leave_and_return() -> tuple[int, int]:
-    """Most frames from the board's return to a pose, and poses given while it was away."""
+    """The most frames from the board's return to a pose, and the number of poses given while it was away."""
     late = old = 0
     for seed in range(3):
         path, tracker, rng = HandPath(seed), fastibl.Tracker(BOARD, CAMERA), np.random.default_rng(seed)
@@ -284,11 +284,12 @@ def speed() -> Iterator[Goal]:
 
 
 def bound(board: fastibl.Board, pose: NDArray, look: Look, sides: bool = False) -> NDArray:
-    """Covariance (6, 6) below which no unbiased estimate from the picture's tags gets: rotation first, camera frame.
+    """The covariance (6, 6) below which no unbiased estimate from the picture's tags can get: rotation first, camera
+    frame.
 
-    Cramér and Rao: the inverse of J^T J / variance, with J the change of every pixel's light in and around the tags
-    with the pose, by finite differences of the pictures themselves. Black, white, blur and lens are taken as known;
-    the noise is the film's own, of three channels. sides: of the pixels within 3 px of the tags' sides alone.
+    Cramér and Rao: the inverse of J^T J / variance, where J is the change with the pose of every pixel's light in and
+    around the tags, by finite differences of the pictures themselves. Black, white, blur and lens are taken as known;
+    the noise is the film's own, of three channels. sides: uses only the pixels within 3 px of the tags' sides.
     """
 
     def light(p: NDArray) -> NDArray:
@@ -305,7 +306,7 @@ def bound(board: fastibl.Board, pose: NDArray, look: Look, sides: bool = False) 
     steps = [1e-3] * 3 + [3e-4] * 3  # a third of a pixel
     J = np.stack([(light(moved(k, h)) - light(moved(k, -h))) / (2 * h) for k, h in enumerate(steps)], -1)
     variance = board_film.noise_deviation(light(pose), look) ** 2 / 3
-    inside = np.zeros(variance.shape, np.uint8)  # the page's outline is no part of the board
+    inside = np.zeros(variance.shape, np.uint8)  # the page's outline is not part of the board
     for tag in board.tags:
         at = np.pad(tag.corners, ((0, 0), (0, 1))) @ pose[:3, :3].T + pose[:3, 3]
         outline = np.rint(CAMERA.project(at) - 0.5).astype(np.int32)
@@ -333,7 +334,7 @@ def jitter() -> Iterator[Goal]:
             tracked = present(tracker.track(board_film.picture(light, look, rng), k / FPS))
             found.append(board_film.small_turn(tracked.camera_from_marker.rotation @ pose[:3, :3].T))
             stated.append(np.trace(tracked.covariance[:3, :3]))
-        turns = np.degrees(found)[1:]  # the first is detected
+        turns = np.degrees(found)[1:]  # the first pose is detected
         rms = float(np.sqrt(((turns - turns.mean(0)) ** 2).sum(1).mean()))
         least, of_sides = (
             float(np.degrees(np.sqrt(np.trace(bound(BOARD, pose, look, sides)[:3, :3])))) for sides in (False, True)

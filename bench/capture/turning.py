@@ -1,4 +1,4 @@
-"""The board out of view: rotation followed by the surroundings; and the board turned by hand."""
+"""The board out of view, with the rotation followed by the surroundings; and the board turned by hand."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .recordings import ROOM, recorded
 from .turning_path import turning
 
 SECONDS, FPS = 10.0, 20.0
-GYRO = 0.001  # rad per root of a second: a phone's, without the bias that its driver takes out
+GYRO = 0.001  # rad per root of a second: that of a phone, without the bias that its driver removes
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a session made of it. errors: degrees, of each frame whose rotation the surroundings told."""
+    """What a session made of a sweep. errors: degrees, of each frame whose rotation the surroundings told."""
 
     errors: NDArray
     seconds: NDArray  # CPU time of the tracking pass in these frames
@@ -112,7 +112,7 @@ def _about_z(angle: float) -> NDArray:
 
 
 class _TurnedPlace(DistantPlace):
-    """The marker lies turned by `angle` radians about z."""
+    """A place in which the marker lies turned by `angle` radians about z."""
 
     angle = 0.0
 
@@ -122,15 +122,15 @@ class _TurnedPlace(DistantPlace):
 
 @dataclass(frozen=True)
 class Move:
-    when: list[float]  # seconds at which it was noticed
-    error: float  # of seen texels in the end, a median, of the true mean
+    when: list[float]  # seconds at which the move was noticed
+    error: float  # at the end: median over the seen texels, divided by the true mean
 
 
 @cache
 def moved(
     name: str, degrees: float, seconds: float = 5.0, begin: float = 2.0, took: float = 0.6, gyro: float | None = None
 ) -> Move:
-    """A hand holds the cameras; the board is turned about z meanwhile. 320 x 240."""
+    """A hand holds the cameras while the board is turned about z. 320 x 240."""
     place, hand = _TurnedPlace(inputs.real_maps()[name]), HandPath(np.random.default_rng(0), 12.0)
 
     def path(moment: float) -> fastibl.Pose:
@@ -143,7 +143,7 @@ def moved(
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     rng, off, results = np.random.default_rng(1), np.eye(3), []
     for frame in film:
-        if gyro is not None:  # the place's, not the board's
+        if gyro is not None:  # turned with the place, not with the board
             off = (
                 off
                 @ fastibl.Pose.from_rotation_vector(gyro / np.sqrt(15) * rng.standard_normal(3), np.zeros(3)).rotation
@@ -151,7 +151,7 @@ def moved(
             frame = replace(frame, attitude=hand.back_from_marker(frame.time).rotation @ off)
         results.append((frame.time, session.process(frame)))
     d = fastibl.texel_directions(128).astype(np.float64)
-    # The place's own truth does not know of the turn.
+    # The place's own truth does not include the turn.
     true = place.truth((0, 0, 0.1), 128).sample(d @ _about_z(np.radians(degrees)).T)
     seen = np.isfinite(session.capture.last_seen) & (d[..., 2] > 0.1)
     got = results[-1][1].environment.radiance.faces[seen]

@@ -6,19 +6,20 @@ import numpy as np
 
 import fastibl
 
-_EYE = np.array([0.0, -0.36, 0.38])  # metres, marker frame
+_EYE = np.array([0.0, -0.36, 0.38])  # metres, in the marker frame
 _BOARD = -np.degrees(np.arctan2(_EYE[2], -_EYE[1]))  # elevation at which the board is in the middle of the picture
 _MIDDLE, _SWING = 32, 14  # degrees: elevations of the back camera, held upright, while it turns
-_TURN = 1.7, 8.3  # seconds: once round
-# (time, heading, elevation), linear in between and then smoothed over _SMOOTH seconds on either side.
+_TURN = 1.7, 8.3  # seconds: one turn
+# (time, heading, elevation), linear in between, then smoothed over _SMOOTH seconds on either side.
 _KNOTS = np.array([(0.7, 0, _BOARD), (_TURN[0], 0, _MIDDLE), (_TURN[1], 360, _MIDDLE), (9.3, 360, _BOARD)])
 _SMOOTH = 0.4
 
 
 def turning(time: float) -> fastibl.Pose:
-    """back_from_marker of a hand that turns round where it stands: the board is in view in the first and last second.
+    """back_from_marker of a hand that turns round where it stands; the board is in view in the first and the last
+    second.
 
-    Upright, up and down, at 60 to 120 degrees a second; the camera's place wanders by 2 cm.
+    The camera is upright and looks up and down, at 60 to 120 degrees a second; its place wanders by 2 cm.
     """
     steps = np.linspace(-_SMOOTH, _SMOOTH, 41)
     weights = 1 + np.cos(np.pi * steps / _SMOOTH)

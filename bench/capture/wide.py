@@ -1,4 +1,4 @@
-"""Maps of fisheye and 360° front cameras, from a second of film."""
+"""Maps captured by fisheye and 360° front cameras from a second of film."""
 
 from __future__ import annotations
 
