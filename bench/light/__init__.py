@@ -1,3 +1,3 @@
-"""Goals of light: table "light". One file a subject; each adds its rows when it is imported."""
+"""Goals of light: table "light". One file per subject; each adds its rows when it is imported."""
 
 from . import diffuse, ggx, glossy, prefilter, speed, stability  # noqa: F401

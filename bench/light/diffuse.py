@@ -1,4 +1,4 @@
-"""Diffuse light: error and time a normal, the irradiance cube, what is never negative."""
+"""Diffuse light: error and time per normal, the irradiance cube, and what must never be negative."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
 from ..measure import yardstick_seconds
 
-FAST, FINE = Method("sh9-lobes", lobes=2), Method("sh9-lobes", lobes=10)  # that the goals by time are judged by
+FAST, FINE = Method("sh9-lobes", lobes=2), Method("sh9-lobes", lobes=10)  # by which the goals by time are judged
 EXACT = (Method("sh9"), Method("sh9-lobes"), Method("irradiance-cube", size=32))
-_NORMALS = 4096  # a batch: a mesh of that many vertices, in the cache
+_NORMALS = 4096  # one batch: a mesh of that many vertices fits in the cache
 _SUN = inputs.SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
 
 
 @cache
 def seconds_a_normal() -> dict[Method, float]:
-    """Least time of the C++ kernel for each method, in turns: random unit normals, one thread."""
+    """The least time of the C++ kernel for each method; methods take turns, on random unit normals and one thread."""
     normals = units(_NORMALS).astype(np.float32)
     faces = np.random.default_rng(0).lognormal(sigma=2, size=(6, 64, 64, 3))
     cube = next(iter(inputs.real_maps().values()), None) or fastibl.CubeMap(faces)
@@ -38,7 +38,7 @@ def seconds_a_normal() -> dict[Method, float]:
 
 
 def errors(method: Method) -> dict[str, NDArray]:
-    """Error of every sample of every real map."""
+    """The error of every sample of every real map."""
     out = {}
     for name, cube in inputs.real_maps().items():
         true = brute.irradiance()[name]
@@ -47,7 +47,7 @@ def errors(method: Method) -> dict[str, NDArray]:
 
 
 def gradient(method: Method) -> tuple[float, float]:
-    """Slope and offset of E/pi by n.x in a map of radiance 2 + x."""
+    """Slope and offset of E/pi over n.x in a map of radiance 2 + x."""
     d = fastibl.texel_directions(128).astype(np.float64)
     radiance = 2 + d[..., :1] / np.linalg.norm(d, axis=-1, keepdims=True)
     n = units(2000)
@@ -104,7 +104,7 @@ def by_time() -> Iterator[Goal]:
 
 @cache
 def cube_truth() -> tuple[NDArray, dict[str, NDArray]]:
-    """Directions of 16 squared texels a face, and the true irradiance there of each map."""
+    """Directions of 16 squared texels per face, and each map's true irradiance there."""
     directions = reference.samples(np.zeros((6, 16, 16, 3)))[0]
     size = next(iter(inputs.real_maps().values())).size
 

@@ -1,7 +1,7 @@
-"""GGX: isotropic and anisotropic, compensation of multiple scattering.
+"""GGX: isotropic and anisotropic, with compensation of multiple scattering.
 
-Tuned on adams, dikhololo, potsdamer and studio (how many widths the parts span, where they begin to share a direction,
-the factor on their widths); empty_warehouse, kiara and venice were left out.
+Tuned on adams, dikhololo, potsdamer and studio: how many widths the parts span, where they begin to share a direction,
+and the factor on their widths. empty_warehouse, kiara and venice were left out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TUNED = ("adams", "dikhololo", "potsdamer", "studio")
 
 
 def side_by_side() -> NDArray:
-    """Faces of all maps as channels of one: the lobe is worked out once for all."""
+    """Faces of all maps as channels of one map, so that the lobe is computed once for all."""
     return np.concatenate([cube.faces for cube in inputs.real_maps().values()], axis=-1)
 
 
@@ -59,7 +59,7 @@ def lighting_of(name: str, glossy: str, lights: int) -> fastibl.Lighting:
 def error_by_map(
     alpha: tuple[float, float], glossy: str = "stretched", lights: int = 8, **options: Any
 ) -> tuple[dict[str, float], list[float]]:
-    """Mean error of each map, and of each view angle over all maps. glossy: whose chain is read."""
+    """The mean error for each map, and for each view angle over all maps. glossy: the method whose chain is read."""
     n, t, v = surfaces(COUNT)
     means, angles = {}, []
     for name, true in truth(alpha).items():

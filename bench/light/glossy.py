@@ -1,4 +1,4 @@
-"""Glossy light: error by look-ups with and without lights, energy."""
+"""Glossy light: error by number of look-ups, with and without lights, and energy."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .. import brute, inputs
 from ..goals import Goal, by_map, percent, row, skipped
 from ..measure import measure, one_core, yardstick_seconds
 
-_PAIRS = 100  # at each angle
-# The taps come from lobes alone (tools/fit_glossy_taps.py). The three constants of find_lights were looked at on all
-# maps once, and kept; none was fitted.
+_PAIRS = 100  # pairs at each angle
+# The taps come from lobes alone (tools/fit_glossy_taps.py). The three constants of find_lights were checked on all maps
+# once, and kept; none was fitted.
 _FIRST = ("adams_place_bridge", "kiara_1_dawn", "studio_small_03", "venice_sunset")
 METHODS = {
     fastibl.Method("mip"): None,
@@ -141,7 +141,7 @@ def lights() -> Iterator[Goal]:
     largest: dict[str, float] = {}
     for name, cube in inputs.real_maps().items():
         before = fastibl.Lighting(cube, glossy="stretched")
-        # One light 2 % brighter: what lies within 8 degrees of it.
+        # One light becomes 2 % brighter: all that lies within 8 degrees of it.
         directions, _, radiance = reference.samples(cube)
         near = (directions @ np.array(before.lights[0].direction) > np.cos(np.radians(8)))[:, None]
         changed = fastibl.CubeMap((radiance * np.where(near, 1.02, 1)).reshape(cube.faces.shape).astype(np.float32))
@@ -160,7 +160,7 @@ def lights() -> Iterator[Goal]:
         max(errors.values()) <= 0.003,
         (
             *by_map(errors),
-            # A highlight far above the mean that is some per cent wrong is so before and after: the change, too.
+            # A highlight far above the mean that is some per cent wrong is so before and after, and so is the change.
             "worst sample by map: " + ", ".join(f"{name} {percent(v)}" for name, v in largest.items()),
         ),
     )

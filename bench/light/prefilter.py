@@ -1,4 +1,4 @@
-"""Sets of prefiltered levels for other renderers, against cmft and cmgen."""
+"""Sets of prefiltered levels for other renderers, compared with cmft and cmgen."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from ..measure import measure, one_core, yardstick
 
 # nMAE of cmft on the same seven maps, median and worst, by level (research: peers, measured): p = 513 ... 5.4.
 CMFT = ((0.09, 0.9), (0.13, 0.8), (0.15, 0.6), (0.20, 0.5), (0.26, 0.7), (0.29, 0.8), (0.29, 1.1))
-CMGEN_ALPHA = (0.0, 0.01795, 0.08579, 0.25, 1.0)  # mapping "filament", five levels
-DIRECTIONS = 300  # random texels of a level that are held against brute force
+CMGEN_ALPHA = (0.0, 0.01795, 0.08579, 0.25, 1.0)  # of the mapping "filament", five levels
+DIRECTIONS = 300  # random texels of a level that are compared with brute force
 
 
 @cache
@@ -36,7 +36,7 @@ def _texels(size: int) -> tuple[NDArray, NDArray]:
 
 
 def height(model: str, parameter: float, cosine: NDArray) -> NDArray:
-    """A lobe seen along the normal, as its definition says, relative to its peak."""
+    """A lobe seen along the normal, by its definition, relative to its peak."""
     c = np.maximum(cosine, 0)
     if model == "phong":
         return c**parameter * (cosine > 0)
@@ -47,13 +47,13 @@ def height(model: str, parameter: float, cosine: NDArray) -> NDArray:
 
 
 def chosen(size: int) -> NDArray:
-    """Texels of a level that are compared: all of a small one, else DIRECTIONS at random."""
+    """Texels of a level that are compared: all texels of a small level, else DIRECTIONS at random."""
     count = 6 * size * size
     return np.sort(np.random.default_rng(size).permutation(count)[:DIRECTIONS])
 
 
 def truth(source: int, size: int, model: str, parameter: float) -> NDArray:
-    """Every texel of the source, its exact solid angle and the exact lobe: (chosen, maps, 3)."""
+    """The sum over every texel of the source, with its exact solid angle and the exact lobe: (chosen, maps, 3)."""
     what = f"prefiltered {source} {size} {model} {parameter:.6g} {DIRECTIONS}"
 
     def make() -> NDArray:
@@ -70,7 +70,7 @@ def truth(source: int, size: int, model: str, parameter: float) -> NDArray:
 
 
 def compare(level: int, sets: dict[str, list], source: int, model: str, parameter: float) -> tuple[dict, dict, dict]:
-    """nMAE, largest relative error and relative error of the energy of one level, by map."""
+    """nMAE, largest relative error, and relative error of the energy of one level, by map."""
     nmae, largest, energy = {}, {}, {}
     for k, (name, cubes) in enumerate(sets.items()):
         size = cubes[level].size
@@ -85,7 +85,7 @@ def compare(level: int, sets: dict[str, list], source: int, model: str, paramete
 
 @one_core()
 def timed(size: int, levels: int, model: str, **options) -> tuple[dict[str, list], float, dict[str, float]]:
-    """The sets of all maps; yardsticks of CPU time on one core, the median map's; and those of each map."""
+    """The sets of all maps; CPU time on one core in yardsticks, for the median map; and that for each map."""
     sets, times = {}, {}
     for name, cube in maps(size).items():
         lighting = fastibl.Lighting(cube, diffuse="sh9", glossy="mip")
@@ -181,7 +181,7 @@ def furnace() -> Iterator[Goal]:
 
 @row("light", "prefiltered, a map that nothing was tuned on")
 def held_out() -> Iterator[Goal]:
-    """The error option's scale was set on the seven maps; the eighth, with a bare sun, only checks it."""
+    """The error option's scale was set on the seven maps; the eighth, with a bare sun, only verifies it."""
     paths = sorted((inputs.SHARED / "hdri-sun").glob("*.hdr"))
     if not paths:
         yield skipped("GGX set of another map", f"no map under {inputs.SHARED / 'hdri-sun'}")

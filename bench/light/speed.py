@@ -1,4 +1,4 @@
-"""Speed: rebuilding a map, following frames, conversions; times against the yardstick of the same run."""
+"""Speed of rebuilding a map, following frames and conversions; times are relative to the yardstick of the same run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PASSES = 8
 
 
 def cpu_times(calls: list[Callable[[], object]], repetitions: int) -> NDArray[np.float64]:
-    """CPU seconds (repetitions, calls + 1): of each call, five times in a row, and of the yardstick beside them."""
+    """CPU seconds (repetitions, calls + 1) of each call, run five times in a row, and of the yardstick beside them."""
     times = []
     for _ in range(repetitions):
         line = [measure.measure(lambda _, call=call: call(), [None], 5, 1).cpu for call in calls]
@@ -30,7 +30,7 @@ def cpu_times(calls: list[Callable[[], object]], repetitions: int) -> NDArray[np
 
 
 def in_yardsticks(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Medians over repetitions, in yardsticks; the yardstick in seconds."""
+    """Medians over repetitions, in yardsticks; and the yardstick in seconds."""
     medians = np.median(times, axis=0)
     return medians[:-1] / medians[-1], float(medians[-1])
 
@@ -71,7 +71,7 @@ def full_rebuild() -> Iterator[Goal]:
 
 
 def place(name: str | None) -> Callable[[NDArray], NDArray]:
-    """Radiance by direction of a real map scaled to mid exposure, or of a made-up place with a lamp."""
+    """Radiance by direction, of a real map scaled to mid exposure or of a made-up place with a lamp."""
     if name:
         cube = fastibl.read_environment(inputs.MAPS[name], size=SIZE)
         scale = 0.25 / float(np.mean(cube.mean()))
@@ -96,7 +96,7 @@ def lens(degrees: float, distorted: bool) -> fastibl.Camera:
 def film(
     camera: fastibl.Camera, radiance: Callable, lowest: float, highest: float
 ) -> list[tuple[NDArray, fastibl.Pose]]:
-    """Pictures of a camera that turns, and its poses."""
+    """Pictures of a turning camera, and its poses."""
     rng = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5)
     rays = camera.unproject(np.stack([x, y], axis=-1))
@@ -115,7 +115,7 @@ def film(
 
 
 def follow(camera: fastibl.Camera, pictures: list[tuple[NDArray, fastibl.Pose]]) -> tuple[NDArray, NDArray, float]:
-    """CPU seconds (frames, 3) of add, environment and irradiance; the yardsticks beside them; the last coverage."""
+    """CPU seconds (frames, 3) of add, environment and irradiance; the yardsticks beside them; and the last coverage."""
     capture, times, yards, env = fastibl.Capture(size=SIZE), [], [], None
     for k, (image, pose) in enumerate(pictures):
         begin = time.process_time()
@@ -142,7 +142,8 @@ def frames() -> Iterator[Goal]:
     )
     for what, camera, lowest, highest, judged in cases:
         with measure.one_core():
-            # Every pass does the same work. Its least time is its own; what is more, others on the machine took.
+            # Every pass does the same work. Its least time is its own; what comes on top was taken by others on the
+            # machine.
             pictures = film(camera, radiance, lowest, highest)
             passes = [follow(camera, pictures) for _ in range(PASSES)]
         times = np.min([times for times, _, _ in passes], axis=0)

@@ -1,4 +1,4 @@
-"""Seams, steadiness, extremes, rotation and mirror."""
+"""Seams, steadiness, extremes, rotations and mirrors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..processes import tests
 
 _SEAM_STEP = np.radians(0.05)
 _SEAM_EXPONENTS = (2.0, 16.0, 64.0, 256.0, 2048.0)
-Evaluator = Callable[[NDArray, NDArray], NDArray]  # normals and views (n, 3), unit, to light (n, 3)
+Evaluator = Callable[[NDArray, NDArray], NDArray]  # from normals and views (n, 3), of unit length, to light (n, 3)
 
 
 def _irradiance(lighting: fastibl.Lighting, normals: NDArray, _: NDArray) -> NDArray:
@@ -48,7 +48,7 @@ def edges() -> Iterator[tuple[NDArray, NDArray, NDArray]]:
 
 
 def seam_ratios(evaluate: Evaluator, paths: int = 100, steps: int = 6) -> NDArray:
-    """(12,) step of the light across each edge, by the largest of the steps of the same length beside it.
+    """(12,): the step of the light across each edge, divided by the largest of the equally long steps beside it.
 
     Steps are RMS over paths across the edge; views are along the normals.
     """
@@ -60,7 +60,7 @@ def seam_ratios(evaluate: Evaluator, paths: int = 100, steps: int = 6) -> NDArra
         middle /= np.linalg.norm(middle, axis=1, keepdims=True)
         n = np.cos(angles) * middle + np.sin(angles) * (b - a) / np.sqrt(2)
         light = np.asarray(evaluate(n, n), np.float64)
-        square = (np.diff(light, axis=0) ** 2).mean(axis=(1, 2))  # 2 steps - 1 steps; the middle one is across
+        square = (np.diff(light, axis=0) ** 2).mean(axis=(1, 2))  # 2 steps - 1 steps; the middle one crosses it
         beside = np.delete(square, steps - 1).max()
         ratios.append(np.sqrt(square[steps - 1] / max(beside, 1e-30)))
     return np.array(ratios)
@@ -75,7 +75,7 @@ def seams() -> Iterator[Goal]:
     for cube in inputs.real_maps().values():
         for name, evaluate in evaluators(cube, _SEAM_EXPONENTS):
             worst[name] = max(worst.get(name, 0), float(seam_ratios(evaluate).max()))
-    known = {"nearest-face"}  # the paper's comparison: its faces do not meet
+    known = {"nearest-face"}  # the paper's method, for comparison: its faces do not meet
     value = max(v for name, v in worst.items() if name not in known)
     yield Goal(
         "step across each of 12 edges by the steps beside it, all methods, worst edge and map",
@@ -94,7 +94,8 @@ def texel_directions(size: int) -> NDArray:
 
 
 def turned_exactly(faces: NDArray, turn: NDArray) -> NDArray:
-    """The map turned by a signed permutation: every texel lands on a texel. turn: new direction = turn @ old."""
+    """The map turned by a signed permutation, so that every texel lands on a texel. turn: new direction = turn @
+    old."""
     size = faces.shape[1]
     d = texel_directions(size)
     order = {tuple(key): i for i, key in enumerate(np.round(d * 1e5).astype(int))}
@@ -117,7 +118,7 @@ def rotation() -> Iterator[Goal]:
         yield skipped("rotated and mirrored maps", inputs.NO_MAPS)
         return
     exponents = (2.0, 64.0, 1024.0)
-    n, v = (x[100:] for x in pairs(100, seed=5))  # along the normal there is no plane of incidence to turn
+    n, v = (x[100:] for x in pairs(100, seed=5))  # views along the normal have no plane of incidence to turn
     worst: dict[str, dict[str, float]] = {"rotation": {}, "mirror": {}}
     for map_name in ("studio_small_03", "venice_sunset"):
         cube = fastibl.CubeMap(reduced(inputs.real_maps()[map_name].faces, 4))
@@ -139,7 +140,7 @@ def rotation() -> Iterator[Goal]:
 
 
 def reduced(faces: NDArray, factor: int) -> NDArray:
-    """Plain means of factor x factor texels."""
+    """Plain means over factor x factor texels."""
     n = faces.shape[1] // factor
     return faces.reshape(6, n, factor, n, factor, 3).mean(axis=(2, 4))
 
@@ -148,7 +149,7 @@ def reduced(faces: NDArray, factor: int) -> NDArray:
 
 
 def _weights(size: int, count: int, exponents: tuple[float, ...]) -> tuple[NDArray, NDArray, dict[float, NDArray]]:
-    """Normals, views, and by exponent the weights of the texels of a map; exponent 0 is the irradiance."""
+    """Normals and views, and by exponent the weights of a map's texels; exponent 0 stands for the irradiance."""
     d, angles, _ = reference.samples(np.zeros((6, size, size, 3)))
     n, v = pairs(count // len(ANGLES), seed=11)
     weights = {}
@@ -172,18 +173,18 @@ _STEADY_GOALS = {"irradiance": 1e-3, "glossy": 3e-3}
 
 
 class _Changes:
-    """Changes of the light from map to map, as estimated and in truth."""
+    """Changes of the light from map to map: estimated and true."""
 
     def __init__(self, size: int, count: int = 100, at_most: float = np.inf):
-        """count: of pairs of normal and view; at_most: only changes of the true light of at most this, relative to its
-        mean, are kept."""
+        """count: number of pairs of normal and view; at_most: only changes of the true light by at most this share of
+        its mean are kept."""
         self.at_most = at_most
         self.n, self.v, self.weights = _weights(size, count, _STEADY_EXPONENTS)
         self.last: dict[float, tuple[NDArray, NDArray]] = {}
         self.errors: dict[str, list[float]] = {"irradiance": [], "glossy": []}
 
     def add(self, cube: fastibl.CubeMap, lighting: fastibl.Lighting) -> None:
-        """Takes the next map; the errors of the change are by the mean of the truth."""
+        """Takes the next map; errors of the change are divided by the mean of the truth."""
         radiance = cube.faces.reshape(-1, 3)
         for s, weight in self.weights.items():
             true = weight @ radiance
@@ -212,7 +213,7 @@ def _steady(what: str, errors: dict[str, list[float]], judge: Callable[[NDArray]
 
 @row("light", "steadiness: 2 % of the light")
 def light_change() -> Iterator[Goal]:
-    """The brightest hundredth of the sphere, and one half of it, become 2 % brighter."""
+    """The brightest hundredth of the sphere, or one half of it, becomes 2 % brighter."""
     if not inputs.MAPS:
         yield skipped("a light change of 2 %", inputs.NO_MAPS)
         return
@@ -235,11 +236,11 @@ def light_change() -> Iterator[Goal]:
 
 @row("light", "steadiness: a recording")
 def recording() -> Iterator[Goal]:
-    """300 frames in the built-in room: the captured map changes, and with it the light; nothing else may.
+    """300 frames in the built-in room: the captured map changes, and with it the light; nothing else may change.
 
-    Judged are the frames whose true light changes by at most 2 %: what a person could take for a flicker. Beside the
-    default of glossy light stand others. Samples of the lobe tend to the reference, so nothing but the lobe's shape is
-    in its error: a look-up is wrong by a share of the light, and by about that share of a change.
+    Only frames are judged whose true light changes by at most 2 %, which a person could take for flicker. Other glossy
+    methods stand beside the default. Samples of the lobe tend to the reference, so nothing but the lobe's shape is in
+    its error: a look-up is wrong by a share of the light, and by about that share of a change.
     """
     changes = _Changes(128, at_most=0.02)
     others = {}
