@@ -1,8 +1,9 @@
-"""The same work by other tools: ./dev bench peers. None is needed; one that is missing is skipped, with the reason.
+"""The same work done by other tools: ./dev bench peers. None of them is required; a missing one is skipped, with the
+reason.
 
 OpenCV comes with fastibl. The others: `pip install py360convert`, `apt install libfilament-tools` (cmgen), and node
-with npm, which fetches three.js into the user's cache folder. cmft, which no package manager brings, stands in the rows
-with the figures that were measured when fastibl was begun, in yardsticks.
+with npm, which fetches three.js into the user's cache folder. No package manager has cmft: its rows show the figures
+that were measured when fastibl was begun, in yardsticks.
 """
 
 from __future__ import annotations

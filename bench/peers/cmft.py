@@ -1,7 +1,7 @@
-"""cmft (last commit 2019-08, built with -O3 -march=native -ffast-math): not run here, no package manager brings it.
+"""cmft (last commit 2019-08, built with -O3 -march=native -ffast-math) is not run here: no package manager has it.
 
-Errors over the same seven maps, and CPU times on one thread of the machine on which the yardstick took 4.0 ms, as they
-were measured when fastibl was begun; in seconds of this run by the yardstick of this run.
+Errors are over the same seven maps. CPU times are for one thread of the machine on which the yardstick took 4.0 ms, as
+they were measured when fastibl was begun; they are converted to seconds of this run by this run's yardstick.
 """
 
 from __future__ import annotations

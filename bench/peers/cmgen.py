@@ -1,4 +1,4 @@
-"""Filament's cmgen of Debian's libfilament-tools, on its own cubes of 256 squared."""
+"""Filament's cmgen from Debian's libfilament-tools, on its own cubes of 256 squared."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _faces(folder: Path, prefix: str = "") -> NDArray:
 
 @cache
 def _made() -> tuple[dict[str, list[NDArray]], list[float]]:
-    """By map its own cube, then its GGX levels 1 ...; and the CPU seconds of each run."""
+    """For each map, cmgen's own cube followed by its GGX levels from 1 on; and the CPU seconds of each run."""
     made, seconds = {}, []
     for name, path in inputs.MAPS.items():
         with tempfile.TemporaryDirectory() as temporary:
@@ -51,7 +51,7 @@ def _made() -> tuple[dict[str, list[NDArray]], list[float]]:
 
 
 def _harmonics(window: str) -> tuple[dict[str, NDArray], list[float]]:
-    """Polynomial coefficients of E/pi by map, as its shader reads them, and CPU seconds."""
+    """Polynomial coefficients of E/pi by map, as Filament's shader reads them, and CPU seconds."""
     out, seconds = {}, []
     for name, path in inputs.MAPS.items():
         with tempfile.TemporaryDirectory() as temporary:
@@ -65,7 +65,7 @@ def _harmonics(window: str) -> tuple[dict[str, NDArray], list[float]]:
 
 
 def harmonics() -> list[Row]:
-    """Irradiance by its nine harmonics, and by ours, on its own cubes."""
+    """Irradiance by cmgen's nine harmonics, and by ours, on cmgen's own cubes."""
     cubes = {name: levels[0] for name, levels in _made()[0].items()}
     n = normals()
     x, y, z = n.T
@@ -90,7 +90,7 @@ def harmonics() -> list[Row]:
 
 
 def ggx() -> list[Row]:
-    """Its five GGX levels, and ours, against every texel of its own cubes."""
+    """cmgen's five GGX levels, and ours, compared with sums over every texel of cmgen's own cubes."""
     made, seconds = _made()
     cubes = [levels[0] for levels in made.values()]
     lightings = [fastibl.Lighting(fastibl.CubeMap(cube), diffuse="sh9", glossy="mip") for cube in cubes]

@@ -1,7 +1,7 @@
-"""The paper's shadow by hand-written AVX code: one cone and one light fetch a sphere and pixel, no shadow map.
+"""The paper's shadow in hand-written AVX code: one cone and one light fetch per sphere and pixel, without a shadow map.
 
-Compiled on first use with the system's C++ compiler into the cache folder; `load` says what is missing. The table of
-the light, which a captured map would need anew for every frame, is ready made and not timed.
+It is compiled on first use with the system's C++ compiler into the cache folder; `load` says what is missing. The table
+of the light, which a captured map would need anew for every frame, is made beforehand and not timed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def load() -> ctypes.CDLL:
 
 
 class ConeSum:
-    """Call with points x, y (n,) float32, n a multiple of 16; returns the ratio's channels (3, n)."""
+    """Call it with points x, y (n,) float32, n a multiple of 16; returns the ratio's channels (3, n)."""
 
     def __init__(self, cube: fastibl.CubeMap, spheres: NDArray):
         self._code = load()
@@ -90,7 +90,7 @@ class ConeSum:
 
 
 def light_table(cube: fastibl.CubeMap) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """The pyramid of packed texels, and what the sums of their floats are multiplied with, by channel."""
+    """The pyramid of packed texels, and the factor by which the sums of their floats are multiplied, by channel."""
     n = 1 << FINEST
     split = 4
     axis = (np.arange(n * split) + 0.5) / (n * split) * 2 - 1
@@ -99,7 +99,7 @@ def light_table(cube: fastibl.CubeMap) -> tuple[NDArray[np.uint32], NDArray[np.f
     z = 1 - np.abs(x) - np.abs(y)
     d = np.stack([x, y, z], axis=-1)
     length = np.linalg.norm(d, axis=-1)
-    angle = length**-3.0  # solid angle by area of the square, but for a constant
+    angle = length**-3.0  # solid angle divided by the area of the square, up to a constant
     texel = np.sqrt(4 * np.pi / (6 * cube.size**2))
     level = max(0.0, float(np.log2(np.sqrt(2 * np.pi) / (n * split) / texel)))
     light = cube.sample(d, level).astype(np.float64) * angle[..., None]
@@ -114,7 +114,7 @@ def light_table(cube: fastibl.CubeMap) -> tuple[NDArray[np.uint32], NDArray[np.f
     for _ in range(FINEST + 1):
         levels.append((light / angle[..., None]).reshape(-1, 3))
         light, angle = (halved(light, 2), halved(angle, 2)) if len(light) > 1 else (light, angle)
-    # A level of 4^k texels begins at 4^k; what lies between is never read.
+    # The level of 4^k texels begins at 4^k; what lies between levels is never read.
     means = np.zeros((2 << 2 * FINEST, 3))
     for level_means in levels:
         means[len(level_means) : 2 * len(level_means)] = level_means
@@ -124,8 +124,9 @@ def light_table(cube: fastibl.CubeMap) -> tuple[NDArray[np.uint32], NDArray[np.f
 
 
 def _packed(colours: NDArray) -> NDArray[np.uint32]:
-    """Floats of 11, 11 and 10 bits in 32. Read back, green and blue keep their neighbours' bits below their last: they
-    are cut, where red is rounded, so that none is too large or small in the mean."""
+    """Floats of 11, 11 and 10 bits packed into 32 bits. When read back, green and blue have their neighbours' bits
+    below their last one. So green and blue are cut while red is rounded, which makes none of them too large or too
+    small in the mean."""
     halves = np.minimum(colours, 6.5e4).astype(np.float16).view(np.uint16).astype(np.uint32)
     red = (halves[:, 0] + 8) >> 4
     return np.ascontiguousarray(red | halves[:, 1] >> 4 << 11 | halves[:, 2] >> 5 << 22, np.uint32)

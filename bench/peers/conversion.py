@@ -26,7 +26,7 @@ def _pictures() -> dict[str, NDArray]:
 
 @cache
 def _sampled() -> dict[str, NDArray]:
-    """Means of 8 x 8 samples a texel, by OpenCV: shares nothing with the library."""
+    """Means of 8 x 8 samples per texel, by OpenCV: shares nothing with the library."""
     out = {}
     for name, image in _pictures().items():
         fine = np.stack(_remapped(image, SIZE * 8))
@@ -42,7 +42,7 @@ def _maps(size: int) -> list[tuple[NDArray, NDArray]]:
 
 
 def _remapped(image: NDArray, size: int, how: int = cv2.INTER_NEAREST) -> list[NDArray]:
-    # Nearest pixels: the picture is piecewise constant, as the area-exact conversion reads it.
+    # Nearest pixels: the area-exact conversion also reads the picture as piecewise constant.
     return [cv2.remap(image, u, v, how, borderMode=cv2.BORDER_WRAP) for u, v in _maps(size)]
 
 
@@ -65,8 +65,8 @@ def py360convert() -> list[Row]:
 
     images = list(_pictures().values())
     time = measure(convert, images, 9)
-    # Its faces are front, right, back, left, up, down, of another orientation each: they are compared as a whole, by
-    # the mean of what they hold, and only in time beside the others.
+    # Its faces are front, right, back, left, up and down, each in another orientation. So they are compared as a whole,
+    # by the mean of their texels, and beside the others only in time.
     errors = {
         name: abs(float(np.stack(convert(image)).mean() / _sampled()[name].mean()) - 1)
         for name, image in _pictures().items()

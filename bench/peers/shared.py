@@ -1,4 +1,4 @@
-"""What the peers are held against: sums over every texel of the cube that a peer itself started from."""
+"""What the peers are compared with: sums over every texel of the cube with which a peer itself started."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fastibl import reference
 from ..light.prefilter import height
 from ..measure import Row, Timing, row, timing
 
-DIRECTIONS = 200  # of a level
+DIRECTIONS = 200  # texels of a level that are compared
 
 
 def normals(count: int = 500) -> NDArray[np.float64]:
@@ -24,12 +24,12 @@ def normals(count: int = 500) -> NDArray[np.float64]:
 
 
 def nmae(given: NDArray, true: NDArray) -> float:
-    """Mean absolute error by the mean of the truth."""
+    """Mean absolute error divided by the mean of the truth."""
     return float(np.abs(np.asarray(given, np.float64) - true).mean() / true.mean())
 
 
 def irradiance_of(sh: NDArray, n: NDArray) -> NDArray:
-    """Irradiance from radiance coefficients (9, 3), basis as Lighting.sh9."""
+    """Irradiance from radiance coefficients (9, 3) in the basis of Lighting.sh9."""
     x, y, z = n.T
     basis = [0.282095 + 0 * x, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z]
     basis += [0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)]
@@ -42,7 +42,7 @@ def some_texels(size: int) -> NDArray[np.int_]:
 
 
 def convolved(sources: Sequence[NDArray], size: int, alpha: float) -> NDArray:
-    """GGX of `some_texels` of a level, by source: (maps, texels, 3). Sources: faces of one size."""
+    """GGX of `some_texels` of a level, by source: (maps, texels, 3). sources: faces of the same size."""
     d, angles, _ = reference.samples(np.zeros_like(sources[0]))
     radiance = np.hstack([np.asarray(s, np.float64).reshape(-1, 3) for s in sources])
     to = reference.samples(np.zeros((6, size, size, 3)))[0][some_texels(size)]
@@ -56,7 +56,7 @@ def convolved(sources: Sequence[NDArray], size: int, alpha: float) -> NDArray:
 def over_maps(
     method: str, metric: str, errors: dict[str, float], time: Timing | None = None, setting: str = ""
 ) -> list[Row]:
-    """A row for each map, their median and worst."""
+    """A row for each map, and rows for their median and worst."""
     out = [row(method, name, metric, value, setting=setting) for name, value in errors.items()]
     values = list(errors.values())
     out.append(row(method, f"median of {len(values)} maps", metric, float(np.median(values)), time, setting=setting))
@@ -65,7 +65,7 @@ def over_maps(
 
 
 def run(command: Sequence[object], **options) -> tuple[str, float, float]:
-    """Standard output, wall and CPU seconds of a program. Raises RuntimeError where it fails."""
+    """A program's standard output, and its wall and CPU seconds. Raises RuntimeError where it fails."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=600, **options)
     wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -75,5 +75,5 @@ def run(command: Sequence[object], **options) -> tuple[str, float, float]:
 
 
 def cpu_timing(seconds: Sequence[float]) -> Timing:
-    """CPU seconds of a program, which stand for one thread of it."""
+    """CPU seconds of a program, taken as those of one thread."""
     return timing(seconds, seconds)

@@ -1,4 +1,4 @@
-"""three.js' light probe on the CPU, by Node."""
+"""three.js' light probe on the CPU, run by Node."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SCRIPT = Path(__file__).with_name("light_probe.mjs")
 
 
 def _folder() -> Path:
-    """A folder with three.js in it, fetched once."""
+    """A folder that contains three.js, which is fetched once."""
     if not (shutil.which("node") and shutil.which("npm")):
         raise FileNotFoundError("no node and npm")
     folder = brute.CACHE / f"three-{VERSION}"
@@ -32,9 +32,9 @@ def _folder() -> Path:
 
 
 def light_probe() -> list[Row]:
-    """LightProbeGenerator.fromCubeRenderTarget on float faces that are handed over as if they were read back."""
+    """LightProbeGenerator.fromCubeRenderTarget on float faces, which are handed over as if they had been read back."""
     folder = _folder()
-    shutil.copy(_SCRIPT, folder)  # beside node_modules, where its imports are found
+    shutil.copy(_SCRIPT, folder)  # beside node_modules, where it finds its imports
     maps = inputs.real_maps()
     metric = "nMAE of the irradiance; seconds a map of 128^2"
     errors, walls = {}, []
