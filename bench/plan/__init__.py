@@ -1,4 +1,5 @@
-"""Goals of the plan, the report and the extremes: table "plan". One file a subject; each adds rows when imported."""
+"""Goals of the plan, the report and the extremes: table "plan". One file per subject; each adds its rows when it is
+imported."""
 
 from . import (
     cheapness,  # noqa: F401

@@ -1,7 +1,7 @@
 """What the plan is judged on: seven maps, four meshes, six materials, one pose each, and the picture's error.
 
-The map below the horizon is the table: a Lambertian plane of albedo 0.5, lit by the map above it, as a captured map has
-it. The back picture shows that table; it is exposed so that the table has 0.35 of white.
+Below the horizon, the map holds the table: a Lambertian plane of albedo 0.5 that the map above lights, as in a captured
+map. The back picture shows that table, exposed so that the table has 0.35 of white.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MESHES = ("spot", "stanford-bunny", "teapot", "suzanne")
 ALBEDO, TABLE = 0.5, 0.35
 WIDTH, HEIGHT, FOCAL = 160, 120, 190.0
 EYE, TARGET = np.array([0.25, -0.5, 0.42]), np.array([0.0, 0.0, 0.07])
-Eye: TypeAlias = tuple[float, float, float]  # of another view than EYE's
+Eye: TypeAlias = tuple[float, float, float]  # another eye than EYE
 BUDGETS = (0.005, 0.01, 0.02, 0.05, 0.1)
 
 MATERIALS = {
@@ -34,7 +34,7 @@ MATERIALS = {
     "metal": fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.7, 0.5), exponent=128),
     "pbr": fastibl.Material.pbr((0.6, 0.5, 0.4), metallic=0.3, roughness=0.35),
 }
-# The meshes, under all maps, that the plan's two constants were chosen by; the rest verifies.
+# The meshes with which, under all maps, the plan's two constants were chosen; the rest verifies them.
 TUNED_MESHES = ("spot", "teapot", "suzanne")
 
 
@@ -49,14 +49,14 @@ class Case(NamedTuple):
 
 
 def cases(quick: bool = False) -> list[Case]:
-    """All, or every eleventh: each map, mesh and material is among them."""
+    """All cases, or every eleventh; even then, each map, mesh and material is among them."""
     every = [Case(m, o, k) for o in MESHES for m in inputs.MAPS for k in MATERIALS]
     return every[::11] if quick else every
 
 
 @cache
 def environment(name: str) -> fastibl.CubeMap:
-    """The map above the horizon, the table below it."""
+    """The map above the horizon, with the table below it."""
     faces = inputs.real_maps()[name].faces.astype(np.float64)
     d, angles, radiance = reference.samples(faces)
     up = d[:, 2] > 0
@@ -88,7 +88,7 @@ def pose(eye: Eye | None = None) -> fastibl.Pose:
 
 
 def rays(dx: float = 0.5, dy: float = 0.5, eye: Eye | None = None) -> NDArray[np.float64]:
-    """Unit directions (h, w, 3) through a place of each pixel, marker frame; its centre by default."""
+    """Unit directions (h, w, 3) through a point of each pixel, in the marker frame; by default through its centre."""
     x, y = np.meshgrid(np.arange(WIDTH) + dx, np.arange(HEIGHT) + dy)
     d = camera().unproject(np.stack([x, y], axis=-1)) @ pose(eye).rotation
     return d / np.linalg.norm(d, axis=-1, keepdims=True)
@@ -96,7 +96,7 @@ def rays(dx: float = 0.5, dy: float = 0.5, eye: Eye | None = None) -> NDArray[np
 
 @cache
 def plane_points(eye: Eye | None = None) -> NDArray[np.float64]:
-    """Where the pixels see the plane (h, w, 2)."""
+    """Where the pixels' rays meet the plane (h, w, 2)."""
     d = rays(eye=eye)
     at = EYE if eye is None else np.array(eye)
     return at[:2] - at[2] / d[..., 2:] * d[..., :2]
@@ -111,21 +111,21 @@ def scene(mesh: str) -> fastibl.Scene:
 
 
 class Picture(NamedTuple):
-    """object: (h, w, 4) radiance times coverage, and coverage. gain: (h, w, 3) of the plane."""
+    """object: (h, w, 4) radiance times coverage, and coverage. gain: (h, w, 3), that of the plane."""
 
     object: NDArray[np.float64]
     gain: NDArray[np.float64]
 
 
 def composite(picture: Picture, name: str) -> NDArray[np.float64]:
-    """(h, w, 3) by white, in [0, 1]: what a picture can hold."""
+    """(h, w, 3) relative to white, in [0, 1]: what a picture can hold."""
     light = picture.object[..., :3] + (1 - picture.object[..., 3:]) * picture.gain * table(name)
     return np.clip(light * exposure(name), 0, 1)
 
 
 class Errors(NamedTuple):
-    """RMS over RGB by the truth's mean over the pixels that the object covers or its shadow changes by more than
-    1/255; of the object's pixels and the shadow's by themselves, each by its own mean."""
+    """RMS over RGB, divided by the truth's mean, over the pixels that the object covers or that its shadow changes by
+    more than 1/255; then the same for the object's pixels and for the shadow's alone, each divided by its own mean."""
 
     whole: float
     object: float

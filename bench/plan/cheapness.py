@@ -1,4 +1,4 @@
-"""What the plan takes: its choice against the cheapest that there is, and the time of planning itself."""
+"""The cost of the plan: its choice compared with the cheapest one there is, and the time of planning itself."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .promise import chosen, method
 
 STEPS = ("diffuse", "glossy", "self_shadow", "shadow", "bounce")
 RATIO = 1.25
-MOVING = 4  # frames in a row with light of their own until a session takes it for light that moves
+MOVING = 4  # frames in a row with new light until a session takes it for moving light
 REPETITIONS = 5
 # Each map, mesh and material is among them; glossy ones of a few candidates each.
 CASES = (
@@ -37,11 +37,11 @@ CASES = (
 
 
 class Drawn(NamedTuple):
-    """What methods make of a case: the picture's error, and CPU seconds of a frame, the least of a few."""
+    """What methods make of a case: the picture's error, and the CPU seconds of a frame, the least of a few."""
 
     error: float
-    moving: float  # light that comes anew with every frame
-    staying: float  # light that stays, and a pose that moves
+    moving: float  # with new light in every frame
+    staying: float  # with constant light and a moving pose
 
 
 def draw(case: Case, methods: dict) -> Drawn:
@@ -82,11 +82,11 @@ def every(case: Case) -> list[Drawn]:
 
 
 def ratio(case: Case, budget: float, which: str) -> float | None:
-    """Time of the plan's choice by that of the cheapest within the budget; None where either has none.
+    """Time of the plan's choice divided by that of the cheapest choice within the budget; None where either has none.
 
-    Infinite where the choice itself is beyond the budget: that it is quick is no merit.
+    Infinite where the choice itself exceeds the budget: then it is no merit to be quick.
     """
-    # To a plan, light that is captured is light that moves.
+    # A plan takes captured light for moving light.
     plan = fastibl.make_plan(
         render.scene(case),
         cases.environment(case.map),
@@ -106,7 +106,7 @@ def ratio(case: Case, budget: float, which: str) -> float | None:
 @row("plan", "cheapness")
 @one_core()
 def cheapness() -> Iterator[Goal]:
-    matte = [case for case in CASES if case.material in ("white", "clay")]  # others: hundreds of combinations
+    matte = [case for case in CASES if case.material in ("white", "clay")]  # the others have hundreds of combinations
     for which in ("staying", "moving"):
         found = {(c, b): r for c in matte for b in cases.BUDGETS if (r := ratio(c, b, which)) is not None}
         ratios = np.array(list(found.values()))

@@ -1,4 +1,4 @@
-"""The whole frame, from tracking to compositing, by the default plan and by the paper's methods."""
+"""The whole frame, from tracking to compositing, with the default plan and with the paper's methods."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..measure import yardstick_seconds
 
 _MATERIAL = fastibl.Material((0.6, 0.6, 0.6), (0.2, 0.2, 0.2), 64)
 _YARDSTICK = 0.004  # seconds, nominal
-_FRAMES = {1: 100, 2: 160}  # a second, on so many cores
+_FRAMES = {1: 100, 2: 160}  # frames a second, by number of cores
 
 
 @cache
@@ -44,7 +44,7 @@ def _truth() -> tuple[fastibl.Frame, TruePicture]:
 
 
 def _error(methods: str) -> float:
-    """Of the picture that a session makes of that frame, having seen the recording."""
+    """Error of a session's picture of that frame, after it has seen the recording."""
     recording = inputs.short_recording()
     session = fastibl.Session(_scene(), recording.rig, recording.board, methods=methods)
     for frame in recording:
@@ -59,7 +59,7 @@ def whole_frame() -> Iterator[Goal]:
     for threads, least in _FRAMES.items():
         ours, passes = frame_times(_scene(), "auto", "cpu", threads)
         theirs, _ = frame_times(_scene(), "paper", "cpu", threads)
-        # One core: CPU time, which on a busy machine is still that of a quiet one.
+        # On one core, CPU time counts: on a busy machine it is still that of a quiet one.
         seconds = {"auto": ours, "paper": theirs}
         spent = {name: t.cpu if threads == 1 else t.median for name, t in seconds.items()}
         fastest = {name: t.cpu_low if threads == 1 else t.low for name, t in seconds.items()}

@@ -1,4 +1,4 @@
-"""What leaving passes out saves, and that the picture is the same within the bound."""
+"""What is saved by leaving passes out, and whether the picture stays the same within the bound."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ..measure import one_core
 from . import cases, render
 from .promise import QUICK
 
-_TINY = 1e-6  # a reflectance that needs every pass and shows nothing
+_TINY = 1e-6  # a reflectance that requires every pass but cannot be seen
 
 
 def _seconds(session: fastibl.Session, change: bool, pose: fastibl.Pose, frames: int = 12) -> float:
-    """Median CPU time of a frame at 640 x 480; change: the light is another one every frame."""
+    """Median CPU time of a frame at 640 x 480; change: whether every frame has other light."""
     lights = [fastibl.Environment(cases.environment("venice_sunset")) for _ in range(2)]
     back = np.full((480, 640, 3), 120, np.uint8)
     out = []
@@ -34,7 +34,7 @@ def _seconds(session: fastibl.Session, change: bool, pose: fastibl.Pose, frames:
 
 
 def spot(material: fastibl.Material) -> fastibl.Scene:
-    """As it is, with its shadow."""
+    """The mesh as it is, with its shadow."""
     scene = fastibl.Scene(inputs.scene("spot").mesh, material)
     scene.baked_shadow = cases.scene("spot").baked_shadow
     return scene
@@ -95,7 +95,7 @@ def left_out() -> Iterator[Goal]:
         )
 
 
-# Round the object, at two heights.
+# Around the object, at two heights.
 _EYES = tuple(
     (0.62 * float(np.cos(turn) * np.cos(height)), 0.62 * float(np.sin(turn) * np.cos(height)),
      0.62 * float(np.sin(height)) + 0.03)
@@ -105,7 +105,8 @@ _EYES = tuple(
 
 
 def _steps_left_out(case: cases.Case) -> Iterator[tuple[str, float, float]]:
-    """By budgets: each step's name, the stated bound, and the largest difference that it makes in a view."""
+    """For steps that budgets leave out: the name, the stated bound, and the largest difference that the step makes in a
+    view."""
     plan = fastibl.make_plan(render.scene(case), cases.environment(case.map), error=0.3, milliseconds=2.0)
     full = {"bounce": "one-bounce", "self_shadow": "transfer"}
     for line in plan.passes:

@@ -1,5 +1,5 @@
-"""Four cases by the paper's methods, by those that the plan chose for 2 %, the truth, and five times the difference of
-the last two, around grey: by `./dev bench plan-pictures`."""
+"""Four cases, by `./dev bench plan-pictures`: by the paper's methods, by those that the plan chose for 2 %, the truth,
+and five times the difference of the last two, around grey."""
 
 from __future__ import annotations
 

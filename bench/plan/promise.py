@@ -1,6 +1,7 @@
-"""Whether the plan keeps its promise: its choice, rendered, against rays; and whether a cheaper one would have done.
+"""Whether the plan keeps its promise: its choice is rendered and compared with rays; and whether a cheaper choice would
+have been enough.
 
-FASTIBL_QUICK=1 looks at every eleventh case. Pictures are 160 x 120, before they are rounded to bytes.
+FASTIBL_QUICK=1 looks at every eleventh case. Pictures are 160 x 120, and compared before they are rounded to bytes.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ WITHIN, SAID = 0.98, 0.95
 
 
 class Kind(NamedTuple):
-    """What a plan is asked for."""
+    """What a plan is asked to do."""
 
     name: str
-    moving: bool  # light that changes with every frame, to which other methods are fit
-    known: bool  # the camera and its pose; else the promise is for views from all round
+    moving: bool  # light that changes in every frame, which other methods suit
+    known: bool  # the camera and its pose; if not, the promise is for views all round
 
 
-# To a plan, light that is captured is light that moves: a live view. Pictures under light that stays have time.
+# A plan takes captured light for moving light, as in a live view. Pictures in constant light have time.
 PICTURE, FRAME, LIVE = KINDS = (
     Kind("a picture, light stays", moving=False, known=True),
     Kind("a frame of a live view, light moves", moving=True, known=True),
@@ -40,7 +41,7 @@ PICTURE, FRAME, LIVE = KINDS = (
 
 
 class Kept(NamedTuple):
-    """One case and budget: what the plan said, and what came."""
+    """One case with one budget: what the plan said, and what came out."""
 
     case: Case
     kind: Kind
@@ -53,14 +54,14 @@ class Kept(NamedTuple):
 
 
 def method(text: str) -> fastibl.Method:
-    """Of a name with settings as a plan prints it."""
+    """The method of a name with settings, as a plan prints it."""
     name, _, rest = text.partition(" [")
     pairs = (pair.split("=") for pair in rest.rstrip("]").split(", ") if pair)
     return fastibl.Method(name, **{key: int(value) for key, value in pairs if int(value) >= 0})
 
 
 def chosen(plan: fastibl.Plan) -> dict[str, fastibl.Method]:
-    """A plan's methods by name, so that they can be asked for."""
+    """A plan's methods by step, in a form in which they can be asked for."""
     m = plan.methods
     steps = {step: getattr(m, step) for step in ("diffuse", "glossy", "shadow", "self_shadow", "bounce")}
     settings = {step: getattr(m, f"{step}_settings", {}) for step in steps}

@@ -29,7 +29,7 @@ def scene(case: cases.Case) -> fastibl.Scene:
 
 
 def render(case: cases.Case, methods: Methods = "auto", eye: cases.Eye | None = None) -> Picture:
-    """By these methods, on a session that has seen other light before: it keeps nothing of it."""
+    """A picture by these methods, in a session that has seen other light before and must keep nothing of it."""
     kept = session(case)
     kept.set_methods(methods)
     kept.set_environment(fastibl.Environment(cases.environment(case.map)))
@@ -38,7 +38,7 @@ def render(case: cases.Case, methods: Methods = "auto", eye: cases.Eye | None = 
 
 
 def picture(kept: fastibl.Session, eye: cases.Eye | None = None) -> Picture:
-    """Of a session's last frame."""
+    """The picture of a session's last frame."""
     layer, rgba = kept.object, np.zeros((cases.HEIGHT, cases.WIDTH, 4))
     part = layer.rgba
     rgba[layer.y : layer.y + part.shape[0], layer.x : layer.x + part.shape[1]] = part

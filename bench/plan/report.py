@@ -1,9 +1,9 @@
-"""The report: its own time; and a whole frame against a path tracer, which takes minutes.
+"""The report: its own time; and a whole frame compared with a path tracer, which takes minutes.
 
-Mitsuba renders the same mesh under the same map by the same camera, without plane and bounces where the object is
+Mitsuba renders the same mesh under the same map by the same camera: without plane and bounces where the object is
 judged, with a white plane where its shadow is. Its noise falls with the square root of time: from two pictures with
-their own random numbers, the time for 1 % of noise (RMS over the object's pixels, by their mean) at 640 x 480 is
-extrapolated.
+different random numbers, the time for 1 % of noise (RMS over the object's pixels, divided by their mean) at 640 x 480
+is extrapolated.
 """
 
 from __future__ import annotations
@@ -160,7 +160,8 @@ def _metal() -> fastibl.Material:
 
 
 def _ball(scene: Scene, metal: dict) -> Goal:
-    """Nothing hides anything; ours has what scatters more than once, which Mitsuba's single scattering loses."""
+    """Here nothing hides anything. Our light includes what scatters more than once, which Mitsuba's single scattering
+    loses."""
     import trimesh
 
     ball = trimesh.creation.icosphere(5, HEIGHT / 2)
@@ -176,7 +177,7 @@ def _ball(scene: Scene, metal: dict) -> Goal:
 
 
 def _term(what: str, ours: NDArray, theirs: NDArray, noise: float | None) -> Goal:
-    """Bias and mean difference over the object's whole pixels."""
+    """Bias and mean difference over the object's fully covered pixels."""
     bias = float(ours.mean() / theirs.mean() - 1)
     apart = float(np.abs(ours - theirs).mean() / theirs.mean())
     told = f", noise of theirs {percent(noise)}" if noise is not None else ""
@@ -186,7 +187,7 @@ def _term(what: str, ours: NDArray, theirs: NDArray, noise: float | None) -> Goa
 
 
 def _plane(scene: Scene, bsdf: dict) -> Iterator[Goal]:
-    """The ratio on the plane: Mitsuba's white plane by the light that it gets without the object."""
+    """The ratio on the plane: Mitsuba's white plane, divided by the light that it gets without the object."""
     theirs, _ = scene.theirs(bsdf, 4, plane=True)
     ours, session = scene.ours(fastibl.Material(diffuse=_ALBEDO))
     eye = scene.pose.inverse().translation
@@ -194,7 +195,7 @@ def _plane(scene: Scene, bsdf: dict) -> Iterator[Goal]:
     rays = scene.camera.unproject(np.stack([x, y], axis=-1)) @ scene.pose.rotation
     points = eye[:2] - eye[2] * rays[..., :2] / rays[..., 2:]
     open_ = (ours[..., 3] == 0) & (rays[..., 2] < -1e-3) & (np.abs(points) < 0.3).all(axis=-1)
-    # Pixels around the object are partly covered in Mitsuba's picture.
+    # Pixels at the object's edge are partly covered in Mitsuba's picture.
     beside = ours[..., 3] > 0
     for axis in (0, 1):
         beside |= np.roll(beside, 1, axis) | np.roll(beside, -1, axis)
@@ -218,8 +219,8 @@ def _plane(scene: Scene, bsdf: dict) -> Iterator[Goal]:
 def _frame_seconds(scene: Scene) -> tuple[tuple[float, float, float], float]:
     """CPU time of a frame with given pose, default methods and a picture behind, and of the yardstick beside them.
 
-    Where the light stays, where it changes a little in every frame, as captured light does, and where it is that of
-    another place.
+    The three times are for constant light, for light that changes a little in every frame, as captured light does, and
+    for light of another place.
     """
     camera = fastibl.Camera(640, 480, 2.4 * 640, 2.4 * 640, 320, 240)
     back = np.full((480, 640, 3), 128, np.uint8)

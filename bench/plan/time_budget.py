@@ -1,4 +1,4 @@
-"""A session that is asked for 8 ms a frame, where the yardstick takes 4."""
+"""A session with a budget of 8 ms a frame, on a machine where the yardstick takes 4."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expected times of passes against measured ones, by this machine's cost table."""
+"""Expected times of passes, by this machine's cost table, compared with measured times."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ PASSES = ("capture", "irradiance", "shadow", "self_shadow", "bounce", "shade", "
 @row("plan", "predicted time")
 @one_core()
 def predicted() -> Iterator[Goal]:
-    """Medians over a recording, of a session that tracks and captures, and draws with the methods that are named.
+    """Medians over a recording, for a session that tracks, captures, and draws with the named methods.
 
-    The cost table is measured beside them: what else the machine does, it does to both.
+    The cost table is measured at the same time, so that other work of the machine affects both.
     """
     recording = inputs.short_recording()
     ratios, notes = [], []

@@ -1,10 +1,10 @@
 """True pictures of the cases: light and shadow by Embree's rays to every part of the sky.
 
 A direction is the centre of a texel of the 64 squared level, or of the 128 squared one where a texel holds more than
-1/2000 of the light of any map. Light is worked out at four samples a pixel, with the interpolated normal, on the side
-that is seen, and what the object hides of itself dark; the ratio at every pixel of the plane. One bounce between plane
-and object, which is small, is that of fastibl.truth. The four samples are the renderer's: how edges are sampled is no
-choice of a plan.
+1/2000 of the light of any map. Light is computed at four samples per pixel, with the interpolated normal, on the side
+that is seen; what the object hides from itself is dark. The ratio is computed at every pixel of the plane. One bounce
+between plane and object, which is small, is that of fastibl.truth. The four samples are those of the renderer, because
+a plan does not choose how edges are sampled.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from ..brute import Part, stored
 from ..shadows.sky import NO_EMBREE
 from .cases import EYE, HEIGHT, MATERIALS, WIDTH, Picture, environment, plane_points, rays, scene
 
-_VERSION = "2"  # of what is kept on disk: to be raised with what follows
+_VERSION = "2"  # version of what is kept on disk: raise it when what follows changes
 _COARSE, _BRIGHT = 64, 1 / 2000
-_SAMPLES = ((0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875))  # of a pixel, as shading/rasterize.cpp
-_GRID, _EXTENT = 64, 0.4  # of the plane where the bounce is worked out, metres
+_SAMPLES = ((0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875))  # of a pixel, as in shading/rasterize.cpp
+_GRID, _EXTENT = 64, 0.4  # points and extent of the plane where the bounce is computed, metres
 
 
 @cache
 def sky() -> tuple[NDArray, NDArray, NDArray]:
-    """Directions (k, 3), solid angles (k,), and radiance (k, 3 maps) of all maps side by side."""
+    """Directions (k, 3), solid angles (k,), and the radiance (k, 3 maps) of all maps side by side."""
     maps = [environment(name) for name in inputs.MAPS]
     fine_d, fine_a, _ = reference.samples(np.zeros((6, 128, 128, 3)))
     fine = np.hstack([m.faces.reshape(-1, 3).astype(np.float64) for m in maps])
@@ -63,7 +63,7 @@ def _embree(mesh: fastibl.Mesh):
 
 
 def _free(embree, mesh: fastibl.Mesh, origins: NDArray, normals: NDArray, chunk: int = 128):
-    """Yields slices, and whether each direction is above the horizon and free from these points (chunk, k)."""
+    """Yields slices, and whether each direction is above the horizon and free, as seen from these points (chunk, k)."""
     d32 = sky()[0].astype(np.float32)
     middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     radius = 1.001 * np.linalg.norm(mesh.vertices - middle, axis=1).max()
@@ -82,7 +82,7 @@ def _free(embree, mesh: fastibl.Mesh, origins: NDArray, normals: NDArray, chunk:
 
 class Seen:
     """What the samples of all pixels see of the object: pixel (p,), corners (p, 3), weights (p, 3, 1), position,
-    normal, view, where rays start, and whether the back of the triangle is seen."""
+    normal, view, the start of rays, and whether the back of the triangle is seen."""
 
     def __init__(self, mesh: str):
         given = scene(mesh).mesh
@@ -100,8 +100,8 @@ class Seen:
         self.behind = (np.cross(b - a, c - a) * self.view).sum(axis=1) < 0
         side = np.where(self.behind, -1.0, 1.0)[:, None]
         self.normal *= side
-        # Rays start on the round surface that the normals are of, not on flat triangles that their own neighbours hide:
-        # Hanika 2021, Hacking the Shadow Terminator.
+        # Rays start on the round surface that the normals describe. Flat triangles would be hidden by their own
+        # neighbours: Hanika 2021, Hacking the Shadow Terminator.
         corners, normals = (np.asarray(x, np.float64)[self.corner] for x in (given.vertices, given.normals))
         normals = normals * side[:, None]
         below = np.minimum(((self.position[:, None] - corners) * normals).sum(axis=2, keepdims=True), 0)
@@ -119,7 +119,7 @@ def seen(mesh: str) -> Seen:
 
 @cache
 def _all(mesh: str) -> dict[str, NDArray]:
-    """Everything that the materials' colours are made of, for all maps at once, kept on disk."""
+    """Everything from which the materials' colours are made, for all maps at once; kept on disk."""
     given = scene(mesh).mesh
     names = ["irradiance", "gain", "sent", *(k for k, m in MATERIALS.items() if m.model == "pbr" or any(m.glossy))]
     light = [environment(name).faces for name in inputs.MAPS]
@@ -231,7 +231,7 @@ def truth(map_name: str, mesh: str, material_name: str) -> Picture:
 
 
 def _layer(s: Seen, colour: NDArray) -> NDArray:
-    """Mean over the samples of each pixel (h, w, 4), premultiplied with coverage."""
+    """Mean over the samples of each pixel (h, w, 4), premultiplied by coverage."""
     out = np.zeros((HEIGHT * WIDTH, 4))
     for c in range(3):
         out[:, c] = np.bincount(s.pixel, colour[:, c], len(out))
