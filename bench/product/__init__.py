@@ -1,4 +1,5 @@
-"""Goals of the product (files, live view, packages, faults): table "product". One file a subject; each adds rows."""
+"""Goals of the product (files, live view, packages, faults): table "product". One file per subject; each adds its
+rows."""
 
 from . import (
     batch,  # noqa: F401

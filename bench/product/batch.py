@@ -1,4 +1,4 @@
-"""Batches: what a second worker gives, and a run that is killed."""
+"""Batches: what a second worker gains, and what happens to a run that is killed."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from fastibl.expected import present
 from ..goals import Goal, row
 
 _ITEMS = 8
-_MAP = 128  # face edge
-_REPEATS = 36  # so that starting the processes is a small part, as it is of a real batch
+_MAP = 128  # face edge of the map
+_REPEATS = 36  # so many that starting the processes takes a small part, as in a real batch
 
 
 def prefiltered(seed: int, path: Path) -> None:
-    """Work of one core: a map filtered for roughness, several times."""
+    """Work for one core: filters a map for roughness, several times."""
     rng = np.random.default_rng(seed)
     cube = fastibl.CubeMap(rng.random((6, _MAP, _MAP, 3)))
     lighting = fastibl.Lighting(cube)
@@ -55,7 +55,7 @@ if __name__ == "__main__":
 
 
 def _killed(folder: Path) -> tuple[int, bool]:
-    """Results when a run was killed, and whether it gave the same files when it was resumed."""
+    """Number of results when the run was killed, and whether it gave the same files after it was resumed."""
     whole, broken = folder / "whole", folder / "broken"
     batch.run(prefiltered, range(_ITEMS), whole, suffix=".npz", progress=False)
     script = folder / "run.py"

@@ -1,4 +1,4 @@
-"""C++ projects outside: four examples, in each way to have fastibl, by each compiler."""
+"""C++ projects outside the tree: four examples, with each way to get fastibl and with each compiler."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _run(*command: object, env: dict[str, str] | None = None) -> None:
 
 
 def _ways(tree: Path, prefix: Path, compiler: str) -> dict[str, list[str]]:
-    """Options of the examples' build, by how they have fastibl."""
+    """Options for building the examples, by the way in which they get fastibl."""
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
     return {
         "build tree": [f"-Dfastibl_DIR={tree}"],
@@ -78,7 +78,7 @@ def consumers() -> Iterator[Goal]:
 
 
 def _debug() -> Iterator[Goal]:
-    """As a debugger wants it: nothing is inlined, no function compiled for several processors."""
+    """A build for a debugger: nothing is inlined, and no function is compiled for several processors."""
     with tempfile.TemporaryDirectory() as folder:
         options = [f"-DFASTIBL_SOURCE={ROOT}", "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0"]
         _run("cmake", "-S", ROOT / "examples" / "cpp_consumer", "-B", folder, "-G", "Ninja", *options)

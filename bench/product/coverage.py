@@ -1,4 +1,4 @@
-"""Lines that the tests run, as the last ./dev coverage counted them."""
+"""Lines that the tests run, as counted by the last ./dev coverage."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..measure import ROOT
 
 _FOLDER = ROOT / "build" / "coverage"
 _AIM = 90.0  # percent
-_WORST = 6  # files that are named
+_WORST = 6  # files that are named in the notes
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class Covered:
 
 
 def of_cpp(text: str) -> list[Covered]:
-    """Of gcovr's JSON summary."""
+    """From gcovr's JSON summary."""
     return [Covered(f["filename"], f["line_total"], f["line_covered"]) for f in json.loads(text)["files"]]
 
 
 def of_python(text: str) -> list[Covered]:
-    """Of coverage.py's JSON report."""
+    """From coverage.py's JSON report."""
     files = {name: file["summary"] for name, file in json.loads(text)["files"].items()}
     return [Covered(name, f["num_statements"], f["covered_lines"]) for name, f in files.items()]
 

@@ -1,4 +1,4 @@
-"""The documentation: pages without a warning, code blocks that run, public names that are documented and called."""
+"""The documentation: pages without a warning, code blocks that run, and public names that are documented and called."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _api():
 
 
 def _used_in_tests() -> set[str]:
-    """Names that tests call, read or import, and those in the code blocks of the pages, which the tests run."""
+    """Names that tests call, read or import, and those in the pages' code blocks, which the tests run."""
     import documents
 
     texts = [path.read_text("utf-8") for path in TESTS.rglob("*.py")]
@@ -42,7 +42,7 @@ def _used_in_tests() -> set[str]:
             elif isinstance(node, ast.ImportFrom):
                 used |= {alias.name for alias in node.names}
             elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():
-                used.add(node.value)  # getattr(thing, "name"), as tables of tests have it
+                used.add(node.value)  # as in getattr(thing, "name"), where tests have tables of names
     return used
 
 
@@ -63,7 +63,7 @@ def docs() -> Iterator[Goal]:
         (f"without: {', '.join(bare[:20])}",) if bare else (),
     )
     used = _used_in_tests()
-    # A class that calls give and nobody makes by hand is used where what it holds is.
+    # A class that calls return, and that nobody makes by hand, counts as used where what it holds is used.
     held = {name.rsplit(".", 1)[0] for name in found if name.rsplit(".", 1)[-1] in used}
     held |= {name for name, thing in _api().documented() if used & set(getattr(thing, "__dataclass_fields__", ()))}
     unused = sorted(name for name in found if name.rsplit(".", 1)[-1] not in used and name not in held)

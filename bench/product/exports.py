@@ -1,4 +1,4 @@
-"""What other programs read of exported light: irradiance and orientation, each by a reader that is not ours."""
+"""What other programs read from exported light: irradiance and orientation, each by a reader that is not ours."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..goals import Goal, percent, row, skipped
 from ..inputs import real_maps
 from . import readers
 
-_GLTF = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from the marker frame
+_GLTF = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # takes the marker frame to glTF's axes
 _TURNS = np.array([
     np.diag(signs)[list(order)]
     for order in itertools.permutations(range(3))
@@ -60,14 +60,14 @@ def _basis(n: NDArray) -> NDArray:
 
 
 def _nine(samples: Samples, normals: NDArray) -> NDArray:
-    """Irradiance of the nine harmonics of a map, which is as much as files of nine coefficients can hold."""
+    """Irradiance from the nine harmonics of a map, which is all that files of nine coefficients can hold."""
     directions, angles, radiance = samples
     cosine = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
     return _basis(normals) @ ((_basis(directions) / cosine).T @ (angles[:, None] * radiance))
 
 
 def _compared(read: NDArray, true: NDArray) -> tuple[float, float]:
-    """How far irradiance at `_normals` is off the truth, and how far it is in the best of the 47 other turns."""
+    """How far the irradiance at `_normals` is from the truth, and how far it is in the best of the 47 other turns."""
     read, true = (e.reshape(48, 10, 3) for e in (read, true))
     index = {turn.tobytes(): k for k, turn in enumerate(_TURNS)}
     off = [
@@ -79,7 +79,7 @@ def _compared(read: NDArray, true: NDArray) -> tuple[float, float]:
 
 
 def _goal(what: str, read: dict[str, tuple[NDArray, NDArray]], *notes: str) -> Goal:
-    """read: of each map, irradiance as read and as it should be."""
+    """read: for each map, the irradiance as read and as it should be."""
     found = {name: _compared(*pair) for name, pair in read.items()}
     off, others = max(v[0] for v in found.values()), min(v[1] for v in found.values())
     right = all(own < 0.2 * other for own, other in found.values())
@@ -163,7 +163,8 @@ def _latlong(picture: NDArray) -> Samples:
 
 
 def _turned(samples: Samples) -> Samples:
-    """From +z in the middle and +x to its left, as OpenEXR has it, to +x in the middle and +z to its right."""
+    """From OpenEXR's frame, with +z in the middle and +x to its left, to one with +x in the middle and +z to its
+    right."""
     x, y, z = samples[0].T
     return np.stack([z, y, -x], axis=-1), *samples[1:]
 
@@ -257,7 +258,7 @@ def _as_we_read(path: Path, normals: NDArray) -> NDArray:
 
 
 def _write_dds(path: Path, levels: list[fastibl.CubeMap]) -> None:
-    """A DDS cube of half floats, by Microsoft's guide: what fastibl itself only reads."""
+    """Writes a DDS cube of half floats by Microsoft's guide, because fastibl itself only reads them."""
     n = levels[0].size
     header = struct.pack("<4s7I44x2I4s5I5I", b"DDS ", 124, 0x2100F, n, n, 0, 0, len(levels), 32, 4, b"DX10", 0, 0, 0, 0,
                          0, 0x401008, 0xFE00, 0, 0, 0) + struct.pack("<5I", 10, 3, 4, 1, 0)  # fmt: skip
@@ -270,13 +271,14 @@ def _seen(result: dict, normals: NDArray) -> NDArray:
 
 
 def _shader(n: NDArray) -> NDArray:
-    """What Filament's and Babylon.js' shaders multiply pre-scaled harmonics by; times pi, as those are over pi."""
+    """What Filament's and Babylon.js' shaders multiply by pre-scaled harmonics, times pi, because those are divided by
+    pi."""
     x, y, z = n.T
     return np.pi * np.stack([x**0, y, z, x, y * x, y * z, 3 * z * z - 1, z * x, x * x - y * y], axis=-1)
 
 
 def _shadows(root: Path, cube: fastibl.CubeMap) -> Iterator[Goal]:
-    """A matte over a white plate, by others' readers, against the ratio of the light."""
+    """A matte over a white plate, as other programs read it, compared with the ratio of the light."""
     try:
         import mitsuba
         from PIL import Image

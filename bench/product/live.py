@@ -1,4 +1,4 @@
-"""The live page: what it costs beside the session, what a browser gets of it, and whether every control works."""
+"""The live page: what it costs besides the session, what a browser gets of it, and whether every control works."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..measure import yardstick_seconds
 
 _FPS = 30
 _SECONDS = 6.0
-_WARM = 60  # frames until the map is there and the plan is settled
+_WARM = 60  # frames until there is a map and the plan is settled
 
 
 class _Metered:
@@ -45,7 +45,7 @@ class _Metered:
 
 
 def _film() -> fastibl.Recording:
-    """640 x 480, worked out before anything is measured."""
+    """640 x 480, made before anything is measured."""
     made = fastibl.simulate(seconds=2, fps=_FPS, hand=False, live=True, truth_size=16)
     return fastibl.Recording(made.rig, list(made), made.board)
 
@@ -55,7 +55,7 @@ def _forth(film: fastibl.Recording) -> BackAndForth:
 
 
 class _Reader(threading.Thread):
-    """Takes pictures and numbers as the page does, where there is no browser."""
+    """Takes pictures and numbers as the page does, for use where there is no browser."""
 
     def __init__(self, server: PageServer):
         super().__init__(daemon=True)
@@ -80,7 +80,7 @@ class _Reader(threading.Thread):
 
 
 def _run(film: Any, folder: Path, browser: Any) -> dict[str, float]:
-    """Seconds of the processor and pictures of a run that is shown."""
+    """Processor seconds and number of pictures of a run that is shown."""
     loop = LiveLoop(film, Choices(), Settings("figurine"), {"distance": 3.0}, folder=folder, about="simulated")
     meter: Any = _Metered(loop._session)
     loop._session = meter
@@ -109,7 +109,7 @@ def _run(film: Any, folder: Path, browser: Any) -> dict[str, float]:
         what = "picture/composite"
         spent = {name: server.seconds[name] - before[0].get(name, 0) for name in server.seconds}
         done["picture"] = spent.pop(what) / max(server.served[what] - before[1].get(what, 0), 1)
-        done["steady"] = sum(spent.values()) / seconds  # of each second: numbers, map, shadow
+        done["steady"] = sum(spent.values()) / seconds  # in each second: numbers, map, shadow
         if reader is not None:
             reader.ending.set()
     return done

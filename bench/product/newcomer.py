@@ -1,8 +1,8 @@
-"""A newcomer's first minutes: the README's code blocks, by the letter, in a clean root file system.
+"""A newcomer's first minutes: the README's code blocks, to the letter, in a clean root file system.
 
 Needs root, debootstrap and the package indexes of this machine. The clean Debian 12 is made once and kept as a tar in
-FASTIBL_BENCH_CACHE (default ~/.cache/fastibl-bench); the commit that is checked out is what is cloned.
-FASTIBL_NEWCOMER=all runs the native program's block, too (a quarter of an hour of one core).
+FASTIBL_BENCH_CACHE (default ~/.cache/fastibl-bench). What is cloned is the commit that is checked out.
+FASTIBL_NEWCOMER=all also runs the native program's block (a quarter of an hour of one core).
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ CACHE = Path(os.environ.get("FASTIBL_BENCH_CACHE", "~/.cache/fastibl-bench")).ex
 BASE = CACHE / "bookworm-minbase.tar"
 WHAT = "README's code blocks in a clean Debian 12"
 PICTURE = "root/fastibl/demo/picture.jpg"
-# Of this machine: where packages come from, and whom it believes.
+# This machine's settings: where packages come from, and which certificates and keys it trusts.
 SETTINGS = (
     "etc/resolv.conf", "etc/apt/sources.list", "etc/apt/sources.list.d/debian.sources", "etc/apt/apt.conf.d",
     "etc/pip.conf", "etc/ssl/certs/ca-certificates.crt", "usr/share/keyrings/debian-archive-keyring.gpg",
 )  # fmt: skip
-NEEDS_A_PERSON = ("--back 0", "a window")  # cameras, a screen
+NEEDS_A_PERSON = ("--back 0", "a window")  # words in lines that need cameras or a screen
 
 
 @dataclass
 class Step:
-    """A command of the README or a Python block, and what came of it."""
+    """A command of the README or a Python block, and its result."""
 
     text: str
     seconds: float = 0.0
@@ -47,7 +47,7 @@ class Step:
 
 
 def missing() -> str | None:
-    """Why it cannot be measured here."""
+    """Why this cannot be measured here."""
     if os.geteuid() != 0:
         return "needs root, for chroot"
     if not BASE.is_file() and shutil.which("debootstrap") is None:
@@ -63,14 +63,15 @@ def blocks() -> list[tuple[str, str]]:
 
 
 def commands(text: str) -> list[str]:
-    """Lines of a shell block without comments, what needs a person left out."""
+    """Lines of a shell block, without comments and without those that need a person."""
     lines = [line for line in text.splitlines() if not any(word in line for word in NEEDS_A_PERSON)]
     cut = [re.sub(r"(^|\s)#.*", "", line).strip() for line in lines]
     return [line for line in cut if line]
 
 
 def make_root(root: Path) -> None:
-    """A clean Debian 12 with this machine's package indexes, and the repository as an address to clone."""
+    """Makes a clean Debian 12 with this machine's package indexes, and the repository at an address from which to
+    clone."""
     if not BASE.is_file():
         CACHE.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=CACHE) as folder:
@@ -96,7 +97,7 @@ def make_root(root: Path) -> None:
 
 
 class Root:
-    """A root file system that commands run in; what they mount is theirs alone and goes with them."""
+    """A root file system in which commands run; what they mount is visible to them alone and goes away with them."""
 
     def __init__(self, path: Path):
         self.path, self.folder = path, "/root"
@@ -105,7 +106,7 @@ class Root:
                 os.mknod(path / "dev" / name, 0o666 | stat.S_IFCHR, os.makedev(1, minor))
 
     def run(self, text: str) -> Step:
-        """One line in a shell that begins where the line before left it."""
+        """Runs one line in a shell that begins in the folder in which the line before ended."""
         script = f"cd {shlex.quote(self.folder)}\n{text}\ncode=$?\npwd >/tmp/folder\nexit $code\n"
         root = shlex.quote(str(self.path))
         enter = f'mount -t proc proc {root}/proc && exec chroot {root} /bin/bash -c "$0"'
@@ -124,7 +125,7 @@ class Root:
 
 
 class _Watch:
-    """When a file is there for the first time."""
+    """Notes when a file first exists."""
 
     def __init__(self, path: Path):
         self._path, self._begin = path, time.perf_counter()

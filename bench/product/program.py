@@ -1,4 +1,4 @@
-"""The native program in a window: every control, frames a second, and its own share of the processor."""
+"""The native program in a window: every control, frames a second, and the program's own share of the processor."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from ..window import PROGRAM, ROOT, Screen, Window, missing_tools
 
 _FRAMES = 90
 _RATE = re.compile(r"([\d.]+) frames/s in all, ([\d.]+) ms of processor time each")
-_KEYS = {"space": "space", ",": "comma", ".": "period", "tab": "Tab"}  # as X names them
-_SILENT = {"turn-left", "turn-right", "step", "quit"}  # commands that show what they do, and say nothing
+_KEYS = {"space": "space", ",": "comma", ".": "period", "tab": "Tab"}  # the names that X has for them
+_SILENT = {"turn-left", "turn-right", "step", "quit"}  # commands that show what they do without printing anything
 
 
 def _commands() -> list[tuple[str, str]]:
-    """(key, name) of each command, as --help has them."""
+    """(key, name) of each command, as --help lists them."""
     text = subprocess.run([PROGRAM, "--help"], capture_output=True, text=True, check=True).stdout
     lines = text.partition("Keys, and commands")[2].splitlines()[1:]
     return [(line[2:9].strip(), line[9:26].strip()) for line in lines if line.strip()]
 
 
 def _answered(screen: Screen, folder: Path) -> tuple[int, list[str]]:
-    """How many commands there are, and those whose key the window did not answer."""
+    """The number of commands, and those whose key the window did not answer."""
     commands = _commands()
     silent = []
     with Window(screen, "--simulate", "--size", "320x240", "--object", "ball", folder=folder) as window:
@@ -48,7 +48,7 @@ def _answered(screen: Screen, folder: Path) -> tuple[int, list[str]]:
 
 
 def _measured(command: list[object], env: dict[str, str] | None = None) -> tuple[float, float]:
-    """Frames a second by the clock on the wall, and processor milliseconds a frame."""
+    """Frames a second of wall time, and processor milliseconds per frame."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True, env=env)
     rate, used = present(_RATE.search(done.stdout)).groups()
     return float(rate), float(used)
@@ -90,7 +90,7 @@ def _speed(screen: Screen, folder: Path) -> Iterator[Goal]:
     )
     played = ("--recording", folder / "rec")
     env = screen.environment
-    rounds = 2  # the least counts: what else runs here only adds
+    rounds = 2  # the least counts: other work on this machine can only add
     plain = min(_measured([PROGRAM, *played, "--headless"])[1] for _ in range(rounds))
     bare = min(_measured([PROGRAM, *played, *frames, "--no-pace", "--no-interface"], env)[1] for _ in range(rounds))
     shown = ("--overlay", "pose,map,lights")

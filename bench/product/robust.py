@@ -1,4 +1,4 @@
-"""Findings: of sanitizers over the C++ suites, and of the tests of faults."""
+"""Findings of sanitizers over the C++ suites, and of the tests of faults."""
 
 from __future__ import annotations
 

@@ -17,14 +17,13 @@ from ..goals import Goal, row
 
 _PROGRAM = "import sys; from bench.product.soak import main; sys.exit(main())"
 _SAMPLES = 100  # of memory, over the whole run
-_WARM = 0.2  # share of the run until all buffers have their size
+_WARM = 0.2  # share of the run after which all buffers have their final size
 
 
 @dataclass(frozen=True)
 class Soak:
-    """Memory of one run. frames: done, `followed` with the board found. rss: bytes after each of `at` frames. seconds:
-    of the frames alone.
-    """
+    """The memory of one run. frames: number done, `followed` of them with the board found. rss: bytes after each of
+    `at` frames. seconds: those of the frames alone."""
 
     frames: int
     followed: int
@@ -34,14 +33,14 @@ class Soak:
 
     @property
     def growth(self) -> float:
-        """Bytes a frame: the slope of a line through the memory after the warm-up."""
+        """Bytes per frame: the slope of a line through the memory after the warm-up."""
         at, rss = np.array(self.at, float), np.array(self.rss, float)
         late = at >= _WARM * self.frames
         return float(np.polyfit(at[late], rss[late], 1)[0])
 
     @property
     def spread(self) -> int:
-        """Bytes between the least and the most after the warm-up."""
+        """Bytes between the least and the most memory after the warm-up."""
         late = [r for a, r in zip(self.at, self.rss, strict=True) if a >= _WARM * self.frames]
         return max(late) - min(late)
 
@@ -51,7 +50,7 @@ def _rss() -> int:
 
 
 def soak(frames: int, size: tuple[int, int], shown: bool = False) -> Soak:
-    """Plays a short film, forth and back with its time running on, through one Session."""
+    """Plays a short film forth and back through one Session, while its time runs on."""
     from dataclasses import replace
 
     import fastibl
@@ -82,14 +81,14 @@ def _in_a_process(frames: int, size: str) -> Soak:
     if done.returncode not in (0, 1):
         raise RuntimeError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "the soak run died")
     lines = [line.split() for line in done.stdout.splitlines() if line.strip()[:1].isdigit()]
-    last = done.stdout.splitlines()[-1].split()  # seconds … for … frames, … followed
+    last = done.stdout.splitlines()[-1].split()  # "seconds … for … frames, … followed"
     seconds, followed = float(last[1]), int(last[last.index("followed;") - 1])
     at, rss = tuple(int(a) for a, _ in lines), tuple(int(float(m) * 2**20) for _, m in lines)
     return Soak(frames, followed, at, rss, seconds)
 
 
-_GOAL = 10 * 2**20  # bytes in 100 000 frames: what fragments of the heap may be
-_FOLLOWED = 0.95  # of the frames: without the board most passes have nothing to do
+_GOAL = 10 * 2**20  # bytes in 100 000 frames that fragments of the heap may take
+_FOLLOWED = 0.95  # share of frames: without the board, most passes have nothing to do
 
 
 @row("product", "soak")

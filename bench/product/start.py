@@ -1,4 +1,4 @@
-"""What it costs to begin: the import, and the memory of a session."""
+"""What it costs to start: the import, and the memory of a session."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from ..goals import Goal, row
 
-# Each in a fresh process: what is imported or allocated once does not show a second time.
+# Each runs in a fresh process: what is imported or allocated once would not show a second time.
 _IMPORT = """
 import resource, time
 begin = time.perf_counter()
@@ -24,7 +24,7 @@ import fastibl
 fastibl.simulate(seconds=1, size=(640, 480), out=sys.argv[1])
 """
 
-# Reads one frame after the other, so that what stays is the session's own.
+# Reads the frames one after the other, so that the memory that remains is the session's own.
 _SESSION = """
 import resource, sys
 import fastibl

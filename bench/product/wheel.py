@@ -1,4 +1,4 @@
-"""The wheel: its size, what is in it, and the demo where there is nothing but it."""
+"""The wheel: its size, its content, and the demo where nothing else is installed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..goals import Goal, row, skipped
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# In a process that has done what the demo does: which libraries of graphics are loaded.
+# Does what the demo does, then lists the graphics libraries that its process has loaded.
 _DEMO = """
 import sys
 from pathlib import Path
