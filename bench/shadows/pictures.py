@@ -1,10 +1,11 @@
-"""Pictures of the shadow under each light: the truth by rays, the paper's method, ours, and ten times what ours is off.
+"""Pictures of the shadow under each light: the truth by rays, the paper's method, ours, and ten times the error of
+ours.
 
     ./dev bench shadow-pictures     writes docs/images/shadow-<mesh>.jpg, place-bounce.jpg and place-holdout.jpg, and
                                     the table of docs/shadow.md
 
-What a camera above a grey table sees, white-balanced on it. The truth is evaluated at every pixel; the methods as they
-are used, by shadow maps. The object is shaded alike in all pictures: here only its shadow is compared.
+They show what a camera above a grey table sees, white-balanced on the table. The truth is evaluated at every pixel; the
+methods draw with shadow maps, as in use. The object is shaded alike in all pictures: only its shadow is compared here.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from .plane import encoded
 IMAGES = ROOT / "docs" / "images"
 PAGE = ROOT / "docs" / "shadow.md"
 WIDTH, HEIGHT = 208, 150
-SIZE = 128  # face edge of the lights
+SIZE = 128  # face edge of the lights' maps
 _EYE, _TARGET = np.array([2.3, 1.15, 1.95]), np.array([0.28, -0.18, 0.25])
-_VIEW = np.radians(40)  # from left to right
-_SPLIT = 3  # pieces of a pixel along each axis that the object is sampled by
+_VIEW = np.radians(40)  # angle from left to right
+_SPLIT = 3  # pieces of a pixel along each axis, at which the object is sampled
 _TABLE = 0.45  # linear light of the table without a shadow
-_OBJECT = 0.8  # how bright the object is beside the table, both under the same light
-_GAIN = 10  # of the differences
+_OBJECT = 0.8  # brightness of the object relative to the table, both in the same light
+_GAIN = 10  # factor on the differences
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class View:
 
     points: NDArray
     alpha: NDArray
-    triangle: NDArray  # of the pieces of pixels, -1: none
+    triangle: NDArray  # of the pieces of pixels; -1 for none
     barycentric: NDArray
 
 
@@ -72,7 +73,8 @@ def _reduced(fine: NDArray) -> NDArray:
 
 
 def object_light(mesh: fastibl.Mesh, view: View, cube: fastibl.CubeMap) -> NDArray:
-    """Linear light (h, w, 3) of a white matte object with its ambient occlusion, by the plane's; 0 beside it."""
+    """Linear light (h, w, 3) of a white matte object with its ambient occlusion, divided by the plane's; 0 beside the
+    object."""
     lighting = fastibl.Lighting(cube)
     corners = mesh.triangles[view.triangle]
     u, v = view.barycentric[..., :1], view.barycentric[..., 1:]
@@ -87,18 +89,19 @@ def object_light(mesh: fastibl.Mesh, view: View, cube: fastibl.CubeMap) -> NDArr
     out = np.zeros((*view.triangle.shape, 3))
     out[seen] = lighting.irradiance(normals) / plane * np.clip(visible, 0, 1)[:, None]
     out = _reduced(out)
-    # Light from the side alone can make it far brighter than the table: then less, so that it does not burn out.
+    # Light from the side alone can make the object far brighter than the table; it is then dimmed, so that it does not
+    # burn out.
     return out / max(1.0, _TABLE * _OBJECT * float(np.quantile(out, 0.99)))
 
 
 def picture(ratio: NDArray, light: NDArray, alpha: NDArray) -> NDArray[np.uint8]:
-    """Encoded (h, w, 3) of the table under a shadow, and the object over it."""
+    """The encoded picture (h, w, 3) of the table with a shadow, and the object over it."""
     linear = _TABLE * ((1 - alpha[..., None]) * ratio + _OBJECT * light)
     return np.clip(encoded(np.minimum(linear, 1.0)) + 0.5, 0, 255).astype(np.uint8)
 
 
 def difference(ratio: NDArray, true: NDArray, alpha: NDArray) -> NDArray[np.uint8]:
-    """Ten times the difference of displayed values, around mid-grey; the object is left flat."""
+    """Ten times the difference of displayed values, around mid-grey; where the object is, the picture is flat."""
     off = encoded(_TABLE * ratio) - encoded(_TABLE * true)
     return np.clip(128 + _GAIN * (1 - alpha[..., None]) * off + 0.5, 0, 255).astype(np.uint8)
 
@@ -121,7 +124,7 @@ def methods(mesh: fastibl.Mesh, spheres: NDArray) -> dict[str, Method]:
 
 
 def sheet(name: str) -> tuple[NDArray[np.uint8], dict[str, dict[str, truth.Errors]]]:
-    """All lights of one mesh as one picture, and the errors over its pixels by light and method."""
+    """All lights of one mesh in one picture, and the errors over its pixels by light and method."""
     mesh, spheres = truth.meshes()[name], truth.spheres(name)
     view = view_of(mesh)
     open_ = view.alpha < 1
@@ -160,7 +163,7 @@ def _write(image: NDArray[np.uint8], text: str, at: tuple[int, int], colour: tup
 
 
 def error_table(errors: Mapping[str, Mapping[str, Mapping[str, truth.Errors]]]) -> str:
-    """Markdown: RMS and largest error of the ratio by mesh, light and method."""
+    """A table in Markdown: RMS and largest error of the ratio by mesh, light and method."""
     captions = list(next(iter(next(iter(errors.values())).values())))
     lines = ["| light | " + " | ".join(f"{c}" for c in captions) + " |", "|---" * (len(captions) + 1) + "|"]
     for name in next(iter(errors.values())):
@@ -177,7 +180,7 @@ BEGIN, END = "<!-- ./dev bench shadow-pictures writes from here -->", "<!-- to h
 
 
 def main() -> list[Path]:
-    """Draws all; the paths of what was written. Raises RuntimeError without the maps and meshes."""
+    """Draws all pictures; returns the paths of what was written. Raises RuntimeError without the maps and meshes."""
     if len(truth.meshes()) < len(truth.MESHES):
         raise RuntimeError("the pictures need the meshes and maps beside the project")
     written, errors = [], {}

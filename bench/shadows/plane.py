@@ -1,4 +1,4 @@
-"""The shadow of spheres on the plane: time against the paper's way, error of the method, steadiness, steps."""
+"""The shadow of spheres on the plane: time compared with the paper's way, error of the method, steadiness, steps."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def ratio(cube: fastibl.CubeMap, spheres: ArrayLike, points: ArrayLike, directio
 
 
 def cast(cube: fastibl.CubeMap, spheres: ArrayLike, directions: int, resolution: int = RESOLUTION) -> fastibl.ShadowMap:
-    """One map over the grid of the truth, without a coarse one around it."""
+    """One map over the truth's grid, without a coarse one around it."""
     return fastibl.cast_shadow(cube, spheres, directions=directions, resolution=resolution, **WHERE)
 
 
 @cache
 def seen() -> NDArray[np.float32]:
-    """Points (640 * 480, 2) of the plane that a camera sees, all on the shadow's map."""
+    """Points (640 * 480, 2) of the plane that a camera sees; all of them are on the shadow's map."""
     f = 0.5 * WIDTH / np.tan(np.radians(48) / 2)
     camera = fastibl.Camera(WIDTH, HEIGHT, f, f, WIDTH / 2, HEIGHT / 2)
     x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
@@ -53,7 +53,8 @@ def seen() -> NDArray[np.float32]:
 
 
 def random_spheres(count: int, seed: int = 0) -> NDArray[np.float32]:
-    """Spheres within a ball of diameter 1 that stands on the plane, together as large as a fifth of it."""
+    """Spheres within a ball of diameter 1 that stands on the plane; together they are as large as a fifth of the
+    ball."""
     rng = np.random.default_rng(seed)
     v = rng.normal(size=(count, 3))
     v *= 0.5 * (rng.random((count, 1)) ** (1 / 3)) / np.linalg.norm(v, axis=1, keepdims=True)
@@ -71,7 +72,7 @@ def _cubes() -> list[fastibl.CubeMap]:
 
 
 def _in_turn(call: Callable[[_T], object], each: Sequence[_T]) -> Callable[[], object]:
-    """Every call gets the next light."""
+    """A function that passes the next light in every call."""
     turn = itertools.cycle(each)
     return lambda: call(next(turn))
 
@@ -81,9 +82,9 @@ def _looked_up(spheres: NDArray, points: NDArray, cube: fastibl.CubeMap) -> NDAr
 
 
 class Moving:
-    """A session's way: the directions of a light stay, and the object stands elsewhere in every picture.
+    """Casts as a session does: the directions of a light stay, and the object is somewhere else in every picture.
 
-    Choosing the directions belongs to a new light, as the table of cones does.
+    Choosing the directions belongs to a new light, as does making the table of cones.
     """
 
     def __init__(self, cube: fastibl.CubeMap, spheres: NDArray, directions: int, resolution: int = RESOLUTION):
@@ -110,7 +111,7 @@ def against_cones() -> Iterator[Goal]:
         return
     points, cubes = seen(), _cubes()
     x, y = (np.ascontiguousarray(c) for c in points.T)
-    out = np.empty((len(points), 3), np.float32)  # one picture, as a session has
+    out = np.empty((len(points), 3), np.float32)  # one picture that is used again, as in a session
     for count, times_faster, milliseconds in ((50, 15, 1.0), (128, 20, None)):
         what = f"{count} spheres, K = 256, 128^2 map and 640 x 480 look-up, against a per-pixel cone sum"
         spheres = truth.spheres("spot", count)
@@ -151,7 +152,7 @@ def against_cones() -> Iterator[Goal]:
 
 @row("shadow", "unchanged light and pose")
 def look_up() -> Iterator[Goal]:
-    """All that a frame costs then, as the plan leaves the pass out (tests/test_plan.py)."""
+    """All that a frame then costs, because the plan leaves the pass out (tests/test_plan.py)."""
     points = seen()
     cube = truth.lights()["uniform"].cube
     shadow = cast(cube, random_spheres(50), 64)
@@ -214,7 +215,7 @@ def growth() -> Iterator[Goal]:
 
 
 def method_errors(directions: int) -> dict[str, dict[str, tuple[truth.Errors, truth.Errors]]]:
-    """By mesh and light: over the whole grid, and where the shadow is seen."""
+    """By mesh and light: errors over the whole grid, and where the shadow is seen."""
     found: dict[str, dict[str, tuple[truth.Errors, truth.Errors]]] = {}
     for mesh in truth.JUDGED:
         spheres = truth.spheres(mesh)
@@ -308,7 +309,8 @@ MID_GREY = 0.214  # linear light of sRGB 0.5
 
 
 def scanlines(count: int = 6, length: int = 400) -> NDArray:
-    """(count, length, 2) points as neighbouring display pixels lie: the plane is 640 pixels wide."""
+    """(count, length, 2): points that lie like neighbouring pixels of a display on which the plane is 640 pixels
+    wide."""
     step = 2 * truth.EXTENT / WIDTH
     lines = []
     for k in range(count):
@@ -329,7 +331,8 @@ def banding() -> Iterator[Goal]:
     spheres = truth.spheres("spot")
     true = truth.kept_sphere_ratio([light.cube for light in soft.values()], spheres, lines.reshape(-1, 2))
     steps = np.abs(np.diff(encoded(MID_GREY * true.reshape(*lines.shape[:2], -1, 3)), axis=1))
-    # Where the truth itself has an edge a step is right, and a texel of the map (five pixels) beside it is of the edge.
+    # Where the truth itself has an edge, a step is right; a texel of the map (five pixels) beside it belongs to the
+    # edge.
     near = np.pad(steps, ((0, 0), (5, 5), (0, 0), (0, 0)))
     smooth = sliding_window_view(near, 11, axis=1).max(axis=-1) <= 1
     beyond: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""What stands for an object: spheres for its shadow, P_V for its own."""
+"""What stands in for an object: spheres for its shadow, P_V for its self-shadow."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .. import inputs, measure
 from ..goals import Goal, by_map, percent, row, skipped
 from . import truth
 
-_YARDSTICK_MS = 4.0  # of the machine that goals in milliseconds were read on
+_YARDSTICK_MS = 4.0  # of the machine on which goals in milliseconds were set
 _VIEWS, _PIXELS = 24, 128
-_RAYS = 1024  # a vertex, of the true P_V
-_VERTICES = 1000  # of a mesh, for the error of P_V
-_FINE = 512  # points along an edge of the plane, for where a hard edge lies
+_RAYS = 1024  # rays per vertex, for the true P_V
+_VERTICES = 1000  # vertices of a mesh, for the error of P_V
+_FINE = 512  # points along an edge of the plane, to find where a hard edge lies
 _NO_MESHES = "no meshes beside the project"
 
 
 def _yardsticks(call, repetitions: int = 5) -> tuple[float, float]:
-    """Least CPU seconds of a call, and the same in yardsticks that were taken around it."""
+    """Least CPU seconds of a call, and the same in yardsticks that were measured in between."""
     times, sticks = [], []
     for _ in range(repetitions):
         sticks.append(measure.yardstick(5).cpu)
@@ -53,7 +53,7 @@ def fit_time() -> Iterator[Goal]:
 
 
 def damaged(mesh: fastibl.Mesh, damage: str) -> fastibl.Mesh:
-    """Triangles gone or flipped by chance, or 40 % of those of the upper half gone."""
+    """A mesh whose triangles are missing or flipped at random, or that lacks 40 % of those in its upper half."""
     rng, triangles = np.random.default_rng(0), mesh.triangles.copy()
     chance = rng.random(len(triangles))
     if damage == "half flipped":
@@ -98,7 +98,8 @@ def outlines(name: str) -> tuple[NDArray, float, list[NDArray]]:
 
 
 def outline_error(name: str, spheres: NDArray) -> float:
-    """Area of the symmetric difference with the outline of the whole mesh, over its area; mean over `views`."""
+    """Area of the symmetric difference from the outline of the whole mesh, divided by the outline's area; mean over
+    `views`."""
     middle, reach, pictures = outlines(name)
     axis, errors = ((np.arange(_PIXELS) + 0.5) / _PIXELS * 2 - 1) * reach, []
     for d, picture in zip(views(), pictures, strict=True):
@@ -129,7 +130,7 @@ def silhouettes() -> Iterator[Goal]:
 
 
 def edge_displacement(name: str) -> tuple[float, float]:
-    """Mean and 95th percentile of how far edges of the sun's shadow lie from those of the mesh's shadow."""
+    """Mean and 95th percentile of the distance between the edges of the sun's shadow from spheres and from the mesh."""
     points = truth.grid(_FINE)
     elevation, azimuth = np.radians(35), np.radians(140)
     d = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
@@ -203,7 +204,7 @@ def against_the_mesh() -> Iterator[Goal]:
 
 @cache
 def true_visibility(name: str) -> tuple[NDArray, NDArray]:
-    """Some vertices (1000,) of a mesh and their P_V by stratified random rays, cosine-distributed."""
+    """Some vertices (1000,) of a mesh, and their P_V by stratified random rays, cosine-distributed."""
     mesh, rng = truth.meshes()[name], np.random.default_rng(0)
     vertices, normals = mesh.vertices, mesh.normals.astype(float)
     chosen = rng.choice(len(vertices), min(_VERTICES, len(vertices)), replace=False)

@@ -1,4 +1,5 @@
-"""The shadow of a rigid mesh, baked: error against rays, time of a change of light, of a bake, steadiness, memory."""
+"""The baked shadow of a rigid mesh: error compared with rays, time of a change of light and of a bake, steadiness,
+memory."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ def _missing() -> str:
 
 
 def fresh(mesh: str, resolution: int) -> fastibl.MeshShadow:
-    """One that has followed no light yet."""
+    """A shadow that has followed no light yet."""
     return fastibl.MeshShadow(truth.meshes()[mesh], resolution, extent=truth.EXTENT, progress=False)
 
 
@@ -43,7 +44,7 @@ def _map(mesh: str, light: str, resolution: int, directions: int = 128) -> fasti
 
 
 def _ratio(mesh: str, light: str, resolution: int, directions: int = 128) -> NDArray:
-    """At the points of the truth; those are texel centres of a map of 64, or of 192, texels."""
+    """The ratio at the truth's points, which are texel centres of a map of 64, or of 192, texels."""
     return _map(mesh, light, resolution, directions).sample(truth.grid())
 
 
@@ -104,7 +105,7 @@ def _follow(shadow: fastibl.MeshShadow, cubes: Iterator[fastibl.CubeMap]) -> Non
 
 @row("shadow", "rigid mesh: a map of its own for a sun")
 def fine_map() -> Iterator[Goal]:
-    """Between texels, under the lights that are compact; the others have no such map and stay as they are."""
+    """Errors between texels, under the compact lights; the others have no such map and stay as they are."""
     if _missing():
         yield skipped("a map of its own for a sun", _missing())
         return
@@ -169,7 +170,7 @@ def seen() -> Iterator[Goal]:
 
 @row("shadow", "rigid mesh: time of a light change")
 def change() -> Iterator[Goal]:
-    """From the cube map to the shadow map; the directions stay, as they do from frame to frame."""
+    """Time from the cube map to the shadow map; the directions stay, as they do from frame to frame."""
     if _missing():
         yield skipped("light change at 128^2", _missing())
         return
@@ -203,8 +204,8 @@ def change() -> Iterator[Goal]:
 
 @row("shadow", "rigid mesh: flicker")
 def steadiness() -> Iterator[Goal]:
-    """Light that changes by 2 % from step to step, unevenly over the sky, by the same method with a new choice of
-    many directions as truth for the change."""
+    """Light that changes by 2 % from step to step, unevenly over the sky. The truth for the change comes from the same
+    method, with a new choice of many directions."""
     if _missing():
         yield skipped("rigid path, flicker", _missing())
         return

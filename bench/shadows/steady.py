@@ -1,4 +1,4 @@
-"""Steadiness of the shadow: the light changes a little, and the shadow as much as it should."""
+"""Steadiness of the shadow: when the light changes a little, the shadow must change by as much as it should."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _SPLIT = 4  # pieces of a near light's texel along an edge
 
 
 class Visibility:
-    """What points (n, 2) see past an object that stays, under maps of one size that come one after the other.
+    """What points (n, 2) see past an object that stays, under successive maps of one size.
 
-    hide: behind_mesh or behind_spheres, of the object; meet: its rays, for lights that are near. A direction is a
-    texel, however bright: changes are compared.
+    hide: behind_mesh or behind_spheres of the object; meet: its rays, for near lights. A direction is a texel, however
+    bright, because only changes are compared.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Visibility:
         hidden = np.zeros((len(points), *sky.directions.shape[:2]), np.float32)
         for point, mine in zip(points, hidden, strict=True):
             behind(np.array([*point, 0.0]), mine)
-        # From the sky's blocks of directions to the order of texels.
+        # From the order of directions in the sky's blocks to that of texels.
         where = {tuple(d): i for i, d in enumerate(sky.directions.reshape(-1, 3))}
         order = [where[tuple(d)] for d in directions[self._upper]]
         self._hidden = np.ascontiguousarray(hidden.reshape(len(points), -1)[:, order])
@@ -54,7 +54,7 @@ class Visibility:
     def ratio(
         self, cube: fastibl.CubeMap, lights: Sequence[fastibl.Light] = (), centre: Sequence[float] = (0, 0, 0)
     ) -> NDArray[np.float64]:
-        """True ratio (n, 3) under a map; lights: of those that have a position, the map is as seen from the centre."""
+        """True ratio (n, 3) under a map as seen from the centre; lights: those with a position are taken as near."""
         flux = cube.faces.reshape(-1, 3)[self._upper] * self._weight
         near = self._near([light for light in lights if light.position is not None], np.array(centre), flux)
         for chosen, _, _ in near:
@@ -74,9 +74,10 @@ class Visibility:
     def _near(
         self, lights: Sequence[fastibl.Light], centre: NDArray, flux: NDArray
     ) -> list[tuple[NDArray, NDArray, NDArray]]:
-        """The texels of each near light, where pieces of them are, and the pieces' solid angles: as far away as the
-        light's middle, and so small that none is much light, for one by one they come out of the object's shadow.
-        Texels of less than a thousandth of its brightest count as distant, as those of other things do."""
+        """The texels of each near light, the places of their pieces, and the pieces' solid angles. Pieces are as far
+        away as the light's middle, and so small that none holds much light, because they come out of the object's
+        shadow one by one. Texels of less than a thousandth of the light's brightest count as distant, because they show
+        other things."""
         found, left, brightness = [], np.ones(len(flux), bool), flux.sum(axis=1)
         for light in lights:
             angle = np.arccos(np.clip(self._directions @ np.array(light.direction), -1, 1))
@@ -90,7 +91,7 @@ class Visibility:
 
 
 def brighter(cube: fastibl.CubeMap) -> Iterator[fastibl.CubeMap]:
-    """The brightest hundredth of the sphere, and one half of it, 2 % brighter."""
+    """The brightest hundredth of the sphere, then one half of the sphere, 2 % brighter."""
     faces = cube.faces
     brightness = faces.sum(axis=-1)
     half = (texel_directions(cube.size) @ (0.6, 0.64, 0.48) > 0).reshape(brightness.shape)
@@ -139,18 +140,18 @@ def light_change() -> Iterator[Goal]:
 
 
 def under(mesh: fastibl.Mesh, points: NDArray) -> NDArray[np.bool_]:
-    """Which points of the plane (n, 2) lie under a mesh."""
+    """Whether points of the plane (n, 2) lie under a mesh."""
     origins = np.pad(points, ((0, 0), (0, 1)), constant_values=truth.ABOVE).astype(np.float32)
     return fastibl.Bvh(mesh).occluded(origins, np.broadcast_to(np.array([0, 0, 1], np.float32), origins.shape).copy())
 
 
 @row("shadow", "flicker: a recording")
 def recording() -> Iterator[Goal]:
-    """300 frames in the built-in room: the captured map changes, and with it the shadow; nothing else may.
+    """300 frames in the built-in room: the captured map changes, and with it the shadow; nothing else may change.
 
-    Judged are the steps in which at most 2 % of the plane's light changes, at points that the object does not stand
-    on: what a person could take for flicker. The true change is that of the mesh, of which a session bakes the shadow,
-    under the map with its near lights where the session has them.
+    Only steps are judged in which at most 2 % of the plane's light changes, at points on which the object does not
+    stand: a person could take such changes for flicker. The true change is that of the mesh, whose shadow a session
+    bakes, under the map with its near lights where the session has them.
     """
     scene = inputs.scene("figurine")
     try:
@@ -169,7 +170,7 @@ def recording() -> Iterator[Goal]:
             continue
         shadow, cube = result.shadow_map, result.environment.radiance
         if seen is None:
-            # Without a coarse map around it, a map fades towards its border, which is no matter of light.
+            # Without a coarse map around it, a map fades towards its border; that has nothing to do with light.
             points = truth.grid(20, 0.7 * shadow.extent) + shadow.centre
             seen = Visibility(lambda sky: behind_mesh(sky, scene.mesh), points, cube.size, meet)
             covered = under(scene.mesh, points)

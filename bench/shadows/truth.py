@@ -38,14 +38,14 @@ from ..brute import stored
 from . import sky
 from .sky import ABOVE, NO_EMBREE, mesh_ratio, sphere_ratio  # noqa: F401 - part of what this file offers
 
-SIZE = 256  # face edge of the lights: texels of 0.22 to 0.45 degrees
-POINTS = 64  # along an edge of the grid
-EXTENT = 1.5  # half the edge of the grid; an object's largest extent is 1
+SIZE = 256  # face edge of the lights' maps: texels of 0.22 to 0.45 degrees
+POINTS = 64  # points along an edge of the grid
+EXTENT = 1.5  # half the edge of the grid, where an object's largest extent is 1
 MESHES = ("spot", "stanford-bunny", "teapot", "suzanne")
-JUDGED = MESHES[:3]  # those that goals ask for
+JUDGED = MESHES[:3]  # the meshes that goals ask for
 
 _SUN_DIAMETER = np.radians(0.53)
-_SUN_SHARE = 0.75  # of the plane's irradiance, in each channel
+_SUN_SHARE = 0.75  # share of the plane's irradiance, in each channel
 _SUN_ELEVATION, _SUN_AZIMUTH = np.radians(35), np.radians(140)
 
 
@@ -60,13 +60,13 @@ class Errors(NamedTuple):
 
 
 def errors(ratio: ArrayLike, truth: NDArray) -> Errors:
-    """Of ratios (n, 3) against their truth, over all points."""
+    """The errors of ratios (n, 3) against their truth, over all points."""
     off = np.asarray(ratio, np.float64) - truth
     return Errors(float(np.sqrt((off**2).mean())), float(np.abs(off).max()))
 
 
 def errors_in_shadow(ratio: ArrayLike, truth: NDArray, covered: NDArray) -> Errors:
-    """The same over what can be seen to change: points that are not covered (n,), where 1 - truth > 0.01."""
+    """The same errors where a change can be seen: at points that are not covered (n,), where 1 - truth > 0.01."""
     seen = (1 - truth > 0.01).any(axis=-1) & ~covered
     return errors(np.asarray(ratio)[seen], truth[seen])
 
@@ -81,7 +81,7 @@ def grid(count: int = POINTS, extent: float = EXTENT) -> NDArray[np.float64]:
 
 @cache
 def meshes() -> dict[str, fastibl.Mesh]:
-    """Meshes by name, largest extent 1, standing on the plane; those that are there."""
+    """The meshes that are there, by name, with a largest extent of 1, standing on the plane."""
     return {name: standing(name) for name in MESHES if inputs.mesh_path(name).is_file()}
 
 
@@ -99,7 +99,7 @@ def spheres(name: str, count: int = 50) -> NDArray[np.float32]:
 
 @cache
 def covered(name: str) -> NDArray[np.bool_]:
-    """Which points of the grid lie under a mesh."""
+    """Whether points of the grid lie under a mesh."""
     origins = np.pad(grid(), ((0, 0), (0, 1)), constant_values=ABOVE).astype(np.float32)
     return fastibl.Bvh(meshes()[name]).occluded(
         origins, np.broadcast_to(np.array([0, 0, 1], np.float32), origins.shape).copy()
@@ -111,8 +111,8 @@ def covered(name: str) -> NDArray[np.bool_]:
 
 @cache
 def lights(size: int = SIZE) -> dict[str, Light]:
-    """The seven real maps, a uniform sky, the studio map clipped, and a sun in the dawn; the uniform sky alone where
-    the maps are not there."""
+    """The seven real maps, a uniform sky, the studio map clipped, and a sun in the dawn. If the maps are not there,
+    only the uniform sky."""
     found = {
         name: Light(fastibl.read_environment(path, size=size), "studio" not in name)
         for name, path in inputs.MAPS.items()
@@ -128,7 +128,7 @@ def lights(size: int = SIZE) -> dict[str, Light]:
 
 
 def with_sun(cube: fastibl.CubeMap) -> fastibl.CubeMap:
-    """The map and a sun of 0.53 degrees that carries 75 % of the plane's irradiance, covering texels by area."""
+    """The map with a sun of 0.53 degrees that carries 75 % of the plane's irradiance and covers texels by area."""
     faces = cube.faces.astype(np.float64)
     axis = np.array(
         [
@@ -152,7 +152,7 @@ def with_sun(cube: fastibl.CubeMap) -> fastibl.CubeMap:
 
 
 def kept_mesh_ratio(cubes: Sequence[fastibl.CubeMap], mesh: fastibl.Mesh, points: NDArray) -> NDArray[np.float64]:
-    """(points, maps, 3) for maps of one size, kept on disk by the content of all. ImportError without embreex."""
+    """(points, maps, 3) for maps of one size; kept on disk under their content. ImportError without embreex."""
     return stored(
         ["mesh", mesh.vertices, mesh.triangles, *_key(cubes, points)],
         lambda: mesh_ratio(cubes, mesh, points, bar=True),
@@ -160,7 +160,7 @@ def kept_mesh_ratio(cubes: Sequence[fastibl.CubeMap], mesh: fastibl.Mesh, points
 
 
 def kept_sphere_ratio(cubes: Sequence[fastibl.CubeMap], given: ArrayLike, points: NDArray) -> NDArray[np.float64]:
-    """(points, maps, 3) for maps of one size, kept on disk by the content of all."""
+    """(points, maps, 3) for maps of one size; kept on disk under their content."""
     array = np.ascontiguousarray(given, np.float64).reshape(-1, 4)
     return stored(["spheres", array, *_key(cubes, points)], lambda: sphere_ratio(cubes, array, points, bar=True))
 
@@ -181,11 +181,11 @@ def _of_spheres(content: bytes) -> NDArray:
 
 
 def mesh_truth(mesh: str, light: str) -> NDArray[np.float64]:
-    """(4096, 3) at `grid()`. The first call for a mesh works out all lights. ImportError without embreex."""
+    """(4096, 3) at `grid()`. The first call for a mesh computes all lights. ImportError without embreex."""
     return _of_mesh(mesh)[:, list(lights()).index(light)]
 
 
 def sphere_truth(given: ArrayLike, light: str) -> NDArray[np.float64]:
-    """(4096, 3) at `grid()` for the union of spheres (m, 4). The first call for a set works out all lights."""
+    """(4096, 3) at `grid()` for the union of spheres (m, 4). The first call for a set computes all lights."""
     content = np.ascontiguousarray(given, np.float64).reshape(-1, 4).tobytes()
     return _of_spheres(content)[:, list(lights()).index(light)]
