@@ -259,7 +259,7 @@ def _rendered(
     at = pixels - [layer.y, layer.x]
     inside = np.all((at >= 0) & (at < layer.rgba.shape[:2]), axis=1)
     rgba = layer.rgba[tuple(np.where(inside[:, None], at, 0).T)]
-    return rgba[:, :3], inside & (rgba[:, 3] == 1), result.shadow_map  # the edge of a pixel is not what is measured
+    return rgba[:, :3], inside & (rgba[:, 3] == 1), result.shadow_map  # partly covered pixels are another matter
 
 
 def _relative(light: NDArray, true: NDArray, whole: NDArray) -> float:

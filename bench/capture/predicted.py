@@ -72,7 +72,7 @@ def predicted() -> Iterator[Goal]:
 
 @row("capture", "predicted error of a session in a room")
 def in_a_room() -> Iterator[Goal]:
-    """The room as the demo films it: walls and lamps at 1 to 3 m, where for long no lamp's place may be known."""
+    """The room as the demo films it: walls and lamps at 1 to 3 m, of which no lamp's place may be known for long."""
     shares, notes = [], []
     for seed, hand in ((0, True), (0, False), (1, False), (2, False)):
         film = fastibl.simulate(seconds=12, fps=8, size=(320, 240), seed=seed, hand=hand, lamp=False)

@@ -143,7 +143,7 @@ def moved(
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     rng, off, results = np.random.default_rng(1), np.eye(3), []
     for frame in film:
-        if gyro is not None:  # turned with the place, not with the board
+        if gyro is not None:  # relative to the place, not to the board
             off = (
                 off
                 @ fastibl.Pose.from_rotation_vector(gyro / np.sqrt(15) * rng.standard_normal(3), np.zeros(3)).rotation
