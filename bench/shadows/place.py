@@ -1,8 +1,8 @@
-"""The object in its place: one bounce of light to and from the plane, against rays, and its time.
+"""The object in its place: one bounce of light to and from the plane, compared with rays, and its time.
 
-The truth: a matte object of albedo 0.8, its light at each vertex the sum over directions of what the map has there,
-times the true shadow ratio where a ray meets the plane; the light that it sends to the plane the sum over the rays
-from a point of the plane that meet it. Visibility is Embree's; sums are in float64. Of large meshes some vertices
+The truth is for a matte object of albedo 0.8. Its light at each vertex is the sum over directions of what the map has
+there, times the true shadow ratio where a ray meets the plane. The light that it sends to the plane is the sum over the
+rays from a point of the plane that meet it. Visibility is Embree's; sums are in float64. In large meshes, some vertices
 stand for those near them. As in the product, light goes each way once, and parts of the object send each other none.
 """
 
@@ -29,7 +29,7 @@ from .sky import ABOVE, NO_EMBREE, rays
 
 ALBEDO = 0.8
 VERTICES = 3000  # of each mesh, at most
-POINTS = 48  # of the plane along an edge, over the truth's grid
+POINTS = 48  # of the plane along an edge, over the extent of the truth's grid
 SIZE = 32  # face edge of the level whose texels are the directions
 PLANE, OBJECT, WORST = 0.1, 0.02, 0.04
 
@@ -40,7 +40,7 @@ def _directions() -> tuple[NDArray, NDArray]:
 
 @cache
 def chosen(name: str) -> NDArray:
-    """Vertices whose light is worked out."""
+    """The vertices whose light is computed."""
     count = len(truth.meshes()[name].vertices)
     return np.arange(0, count, -(-count // VERTICES))
 
@@ -51,7 +51,7 @@ def points() -> NDArray:
 
 
 def _nearest_chosen(name: str) -> NDArray:
-    """Of each vertex, the number of the chosen one that is nearest and faces the same side."""
+    """For each vertex, the number of the chosen one that is nearest and faces the same side."""
     mesh, some = truth.meshes()[name], chosen(name)
     if len(some) == len(mesh.vertices):
         return some
@@ -65,7 +65,8 @@ def _nearest_chosen(name: str) -> NDArray:
 @cache
 def true_bounce(name: str) -> tuple[NDArray, NDArray, NDArray]:
     """Irradiance of the chosen vertices without and with the shadow below (v, lights, 3), and what the object adds to
-    the plane's light, by that without it (points, lights, 3); kept on disk. ImportError without embreex."""
+    the plane's light, divided by the light without it (points, lights, 3); kept on disk. ImportError without
+    embreex."""
     mesh, lights = truth.meshes()[name], truth.lights()
     ratios = np.stack([truth.mesh_truth(name, light) for light in lights], axis=1)
     levels = [level_at_most(light.cube, SIZE) for light in lights.values()]
@@ -122,7 +123,7 @@ def _true_bounce(name: str, ratios: NDArray, levels: list[NDArray]) -> NDArray:
 
 
 def _bilinear(image: NDArray, at: NDArray) -> NDArray:
-    """(n, channels) at (n, 2) texel positions; 0 outside."""
+    """(n, channels) at texel positions (n, 2); 0 outside."""
     if not len(at):
         return np.zeros((0, image.shape[2]), np.float32)
     channels = [
@@ -159,8 +160,8 @@ def _missing() -> str:
 
 
 def measured(name: str) -> dict[str, tuple[float, float, float, float]]:
-    """By light: error of the object's light with and without the bounce, by its mean; error of what the object adds to
-    the plane outside its footprint, and its size, RMS of the ratio of light."""
+    """By light: the error of the object's light with and without the bounce, divided by its mean; the error of what the
+    object adds to the plane outside its footprint, and the size of that, RMS of the ratio of light."""
     _, shadowed, added = true_bounce(name)
     bounce, scene = fastibl.Bounce(scene_of(name)), scene_of(name)
     normals, own = scene.mesh.normals[chosen(name)], fastibl.SelfShadow(scene.mesh)
@@ -283,7 +284,7 @@ def wall_ratios(name: str, cube: fastibl.CubeMap) -> NDArray:
     """(points, 3): what the session draws there."""
     scene = _behind(name)
     x0, x1, z, y = _FACE
-    # Straight at the wall from before it, so near that the object is behind the camera.
+    # The camera looks straight at the wall from in front of it, so near that the object is behind the camera.
     camera = fastibl.Camera(240, 240, 240 / (x1 - x0) * 0.05, 240 / z * 0.05, 120, 120)
     eye = np.array([(x0 + x1) / 2, y - 0.05, z / 2])
     pose = np.eye(4)

@@ -1,6 +1,6 @@
 """Pictures of the object in its place, by `./dev bench shadow-pictures`: the bounce, and real objects as holdouts.
 
-The table is grey in the back picture whatever the light: exposures make it so. Below the horizon the maps hold that
+The table is grey in the back picture in any light, because exposures make it so. Below the horizon the maps hold that
 table, as a captured map does.
 """
 
@@ -26,7 +26,7 @@ IMAGES = ROOT / "docs" / "images"
 HEIGHT_OF_OBJECT = 0.12
 ALBEDO = 0.5  # of the table
 _TABLE = 0.25  # linear light of the table in the picture
-_GAIN = 5  # of the differences
+_GAIN = 5  # factor on the differences
 _CAMERA = fastibl.Camera(232, 174, 330.0, 330.0, 116.0, 87.0)
 _COLOURS = {"spot": (0.75, 0.35, 0.2), "teapot": (0.8, 0.8, 0.75)}
 _REAL = (0.25, 0.35, 0.5)  # albedo of the real boxes
@@ -44,7 +44,7 @@ def _view(eye: Sequence[float], target: Sequence[float]) -> fastibl.Pose:
 
 
 def _on_table(cube: fastibl.CubeMap) -> tuple[fastibl.CubeMap, float]:
-    """The map in grey light on a table below the horizon, and the exposure that shows that table."""
+    """The map in grey light, with a table below the horizon, and the exposure that shows that table."""
     d, angle, radiance = reference.samples(cube.faces)
     light = np.maximum((radiance * (angle * np.maximum(d[:, 2], 0))[:, None]).sum(axis=0), 1e-12)
     radiance = radiance / light  # irradiance 1 in every channel
@@ -70,7 +70,7 @@ def _off(ours: NDArray, true: NDArray) -> NDArray[np.uint8]:
 
 
 def bounce_rows() -> list[list[tuple[str, NDArray]]]:
-    """Panels of each row with their captions: without and with the bounce, the truth, and what the second is off."""
+    """Panels of each row with their captions: without the bounce, with it, the truth, and the error of the second."""
     view = _view((0.13, -0.36, 0.17), (0, 0, 0.045))
     renderers: dict[str, TrueRenderer] = {}
     rows = []
@@ -99,7 +99,7 @@ def _encoded(linear: NDArray) -> NDArray[np.uint8]:
 def _traced(
     meshes: Sequence[fastibl.Mesh], albedos: Sequence[Sequence[float]], cube: fastibl.CubeMap, view: fastibl.Pose
 ) -> NDArray:
-    """Radiance (h, w, 3) of matte meshes on the table, each with the light that all of them let through: rays by Embree
+    """Radiance (h, w, 3) of matte meshes on the table, each in the light that all of them let through: rays by Embree
     from what each pixel's middle sees to every texel of a level of the map. ImportError without embreex."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -141,7 +141,7 @@ def _traced(
 
 
 def holdout_rows() -> list[list[tuple[str, NDArray]]]:
-    """Panels: the back picture with real boxes, without and with their meshes, the truth, and how far off."""
+    """Panels: the back picture with real boxes, without their meshes, with them, the truth, and the error."""
     view = _view((0.16, -0.4, 0.2), (0.0, 0, 0.04))
     real = [_box((-0.1, 0.07), (0.12, 0.05, 0.1), 0.35), _box((0.045, -0.085), (0.07, 0.035, 0.045), -0.2)]
     mesh, rows = _mesh("spot"), []
@@ -182,7 +182,7 @@ def _sheet(rows: list[list[tuple[str, NDArray]]]) -> NDArray[np.uint8]:
 
 
 def draw() -> list[Path]:
-    """Draws both sheets; the paths of what was written."""
+    """Draws both sheets; returns the paths of what was written."""
     made: dict[str, Callable[[], list]] = {"place-bounce": bounce_rows, "place-holdout": holdout_rows}
     written = []
     for name, rows in made.items():

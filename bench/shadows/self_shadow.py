@@ -1,8 +1,8 @@
-"""The light that an object keeps from itself: error by vertex against rays to every texel of the map, and time.
+"""The light that an object keeps from itself: error by vertex compared with rays to every texel of the map, and time.
 
-The error is that of the diffuse light of a vertex, RMS over RGB, by the mean truth of the map and mesh, mean over
-vertices. Truth: the sum over all texels of L V cos, with V by Embree towards the texel's centre from just above the
-vertex. The plane is not there: below the horizon the map holds the table.
+The error is that of a vertex's diffuse light: RMS over RGB, divided by the mean truth of the map and mesh, mean over
+vertices. The truth is the sum over all texels of L V cos, with V by Embree towards the texel's centre from just above
+the vertex. There is no plane: below the horizon the map holds the table.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def points(name: str) -> tuple[NDArray, NDArray]:
 
 
 def blocked(name: str, origins: NDArray, directions: NDArray) -> NDArray[np.bool_]:
-    """(n,) whether the mesh is met from each origin along each direction. ImportError without embreex."""
+    """(n,): whether each origin's ray along its direction meets the mesh. ImportError without embreex."""
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -66,7 +66,7 @@ def texels() -> tuple[NDArray, NDArray]:
 
 @cache
 def visibility(name: str) -> NDArray[np.bool_]:
-    """(v, texels) whether each chosen vertex sees each texel; kept on disk."""
+    """(v, texels): whether each chosen vertex sees each texel; kept on disk."""
     origins, normals = points(name)
     directions, _ = texels()
 
@@ -85,7 +85,7 @@ def visibility(name: str) -> NDArray[np.bool_]:
 
 @cache
 def irradiance(name: str) -> dict[str, tuple[NDArray, NDArray]]:
-    """True irradiance (v, 3) of the chosen vertices with and without self-shadow, of each map."""
+    """True irradiance (v, 3) of the chosen vertices, with and without self-shadow, for each map."""
     directions, angles = texels()
     weights = np.maximum(points(name)[1] @ directions.T, 0) * angles
     radiance = {m: cube.faces.reshape(-1, 3).astype(np.float64) for m, cube in inputs.real_maps().items()}
@@ -107,7 +107,7 @@ def self_shadow(name: str, size: int = 64) -> fastibl.SelfShadow:
 
 
 def estimate(method: str, name: str, map_name: str, size: int) -> NDArray:
-    """Irradiance (v, 3) of the chosen vertices as the library has it."""
+    """Irradiance (v, 3) of the chosen vertices, as the library computes it."""
     light = lighting(map_name)
     if method == "transfer":
         return self_shadow(name, size).irradiance(light)[chosen(name)]
@@ -121,7 +121,7 @@ def occlusion(name: str) -> NDArray[np.float32]:
 
 
 def errors(method: str, name: str, size: int = 64) -> dict[str, float]:
-    """Mean over vertices, of each map."""
+    """The mean over vertices, for each map."""
     return {
         m: float(brute.errors(estimate(method, name, m, size), true, true.mean()).mean())
         for m, (true, _) in irradiance(name).items()
@@ -186,7 +186,7 @@ def _lobe(normal: NDArray, view: NDArray, exponent: float) -> NDArray:
 
 @cache
 def glossy_errors(name: str, exponent: float) -> dict[str, float]:
-    """Error of the glossy light without shadow, with P_V, and with the free share of the lobe, mean over all maps."""
+    """Error of the glossy light without shadow, with P_V, and with the lobe's free share; mean over all maps."""
     radiance = np.hstack([c.faces.reshape(-1, 3).astype(np.float64) for c in inputs.real_maps().values()])
     origins, normals = points(name)
     seen, open_, lit, found = visibility(name), [], [], []

@@ -1,8 +1,8 @@
 """The ratio of light on the plane with and without an object, by directions to every part of the upper sky.
 
 A direction is the centre of a texel above the horizon; a texel that holds more than 1/2000 of the plane's irradiance in
-any channel of any map is cut into 8 x 8. Rays towards a mesh are Embree's; spheres are caps of the sky, exactly. Sums
-are in float64, for each channel by itself. Truths are kept by this file's code: see truth.py.
+any channel of any map is cut into 8 x 8. Rays towards a mesh are Embree's; spheres are exact caps of the sky. Sums are
+in float64, for each channel separately. Truths are kept under this file's code: see truth.py.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from tqdm import tqdm
 import fastibl
 from fastibl import reference
 
-ABOVE = 1e-5  # rays start this far above the plane, by the object's extent
+ABOVE = 1e-5  # rays start this far above the plane, as a share of the object's extent
 NO_EMBREE = "rays need Embree: pip install embreex"
 
-_BLOCK = 8  # texels are handled in squares of this edge, and bright ones are cut into as many
+_BLOCK = 8  # edge of the squares in which texels are handled, and of those into which bright ones are cut
 _LARGEST = 1 / 2000  # share of the irradiance that one direction may stand for
 
 
@@ -43,12 +43,13 @@ def pieces(size: int, chosen: NDArray, split: int) -> tuple[NDArray, NDArray]:
     major, right, down = (reference._FACES[face, k][:, None] for k in range(3))
     d = major + s * right + t * down
     length = np.linalg.norm(d, axis=-1)
-    # Of an element ds dt of a face: ds dt / |d|^3. Over pieces this small the middle is exact to 1e-6.
+    # The solid angle of an element ds dt of a face is ds dt / |d|^3. For pieces this small, the middle is exact to
+    # 1e-6.
     return d / length[..., None], (2 / (size * split)) ** 2 / length**3
 
 
 class Sky:
-    """The upper half of some maps of one size as directions: blocks of 64 that lie together, and their weights."""
+    """The upper half of maps of one size, as directions: blocks of 64 neighbouring ones, and their weights."""
 
     def __init__(self, cubes: Sequence[fastibl.CubeMap], largest: float = _LARGEST):
         size = cubes[0].size
@@ -76,7 +77,7 @@ class Sky:
         self.reach = np.einsum("bki,bi->bk", self.directions, self.middle).min(axis=1)  # cosine of a block's radius
 
     def ratios(self, points: NDArray, hide: Callable[[NDArray, NDArray], None], bar: bool) -> NDArray:
-        """(points, maps, 3): hide(origin, hidden (blocks, 64)) sets what a point does not see to 1."""
+        """(points, maps, 3). hide(origin, hidden (blocks, 64)) sets to 1 what a point does not see."""
         out = np.empty((len(points), self.weights.shape[1]))
         for i in _steps(len(points), 16, bar):
             some = points[i : i + 16]
@@ -99,7 +100,8 @@ def _steps(count: int, step: int, bar: bool) -> Iterator[int]:
 
 
 def rays(mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], NDArray[np.bool_]]:
-    """Embree's answer which rays from one point (3,) towards (n, 3) meet a mesh. ImportError without embreex."""
+    """A function that asks Embree which rays from one point (3,) towards (n, 3) meet a mesh. ImportError without
+    embreex."""
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -116,7 +118,8 @@ def rays(mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], NDArray[np.bool_]]:
 
 
 def behind_mesh(sky: Sky, mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], None]:
-    """Rays by Embree towards what lies within the cone of the mesh's bounding sphere. ImportError without embreex."""
+    """Casts rays by Embree towards all that lies within the cone of the mesh's bounding sphere. ImportError without
+    embreex."""
     meet = rays(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     centre = (low + high).astype(np.float64) / 2
@@ -138,7 +141,7 @@ def behind_mesh(sky: Sky, mesh: fastibl.Mesh) -> Callable[[NDArray, NDArray], No
 def _in_caps(
     middle: NDArray, reach: NDArray, origin: NDArray, centres: NDArray, radii: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """(blocks, spheres): whether some of a block may lie in a sphere's cap, and whether all of it does."""
+    """(blocks, spheres): whether some of a block may lie in a sphere's cap, and whether the whole block does."""
     c = centres - origin
     distance2 = (c * c).sum(axis=1)
     around = distance2 <= radii**2
@@ -152,7 +155,7 @@ def _in_caps(
 
 
 def behind_spheres(sky: Sky, given: ArrayLike) -> Callable[[NDArray, NDArray], None]:
-    """A direction is hidden where it lies in the cap of any sphere; blocks decide as a whole where they can."""
+    """Hides a direction that lies in the cap of any sphere; blocks are decided as a whole where possible."""
     s = np.asarray(given, np.float64).reshape(-1, 4)
     s = s[np.isfinite(s).all(axis=1) & (s[:, 3] > 0) & (s[:, 2] + s[:, 3] > 0)]
     centre = s[:, :3].mean(axis=0, keepdims=True) if len(s) else np.zeros((1, 3))
@@ -179,12 +182,12 @@ def behind_spheres(sky: Sky, given: ArrayLike) -> Callable[[NDArray, NDArray], N
 
 
 def mesh_ratio(cubes: Sequence[fastibl.CubeMap], mesh: fastibl.Mesh, points: NDArray, bar: bool = False) -> NDArray:
-    """Truth (points, maps, 3) for any mesh, maps of one size, and points (n, 2)."""
+    """The true ratio (points, maps, 3) for any mesh, maps of one size, and points (n, 2)."""
     sky = Sky(cubes)
     return sky.ratios(points, behind_mesh(sky, mesh), bar)
 
 
 def sphere_ratio(cubes: Sequence[fastibl.CubeMap], given: ArrayLike, points: NDArray, bar: bool = False) -> NDArray:
-    """Truth (points, maps, 3) for the union of any spheres (m, 4)."""
+    """The true ratio (points, maps, 3) for the union of any spheres (m, 4)."""
     sky = Sky(cubes)
     return sky.ratios(points, behind_spheres(sky, given), bar)
