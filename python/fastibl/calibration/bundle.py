@@ -14,8 +14,8 @@ from .corners import Seen
 
 _POWERS = tuple((i, n - i) for n in (2, 3, 4) for i in range(n + 1))  # of x and y in the height: none is a plane's
 _ROUNDS, _ROUNDS_OF_MOTION = 4, 6
-# Errors that unmodelled motion leaves are alike in all corners of a picture, so they may reach this many of the
-# deviations that independent errors would give.
+# Errors that motion leaves are alike in all corners of a picture, so they may reach this many of the deviations that
+# independent errors would give.
 _ALIKE = 4.0
 _GAP = 0.15  # seconds: pictures further apart tell nothing about motion
 _SURE = 20.0  # mean square of what is found in its deviations, 1 for independent noise; flat prints give up to 5

@@ -248,7 +248,7 @@ class _Track:
 
 
 def _motion(first: Pose, last: Pose, place: NDArray) -> NDArray[np.float64]:
-    """(w, d): a steady turn about the camera, and its shift, that move a board at `place` in the same way."""
+    """(w, d): a steady turn about the camera and its shift, as they move a board at `place`."""
     turned = last.rotation @ first.rotation.T
     w = rotation_vectors(turned)
     return np.concatenate([w, turned.T @ last.translation - first.translation + np.cross(w, place)])
