@@ -12,7 +12,7 @@
 namespace fastibl::demo {
 namespace {
 
-// CLI11's own checks print the range of double.
+// Used instead of CLI11's own checks, whose messages print the range of double.
 const CLI::Validator kPositive(
     [](const std::string& text) {
       double value = 0;
@@ -52,7 +52,7 @@ void check_together(const Args& args) {
           args.size[0], "x", args.size[1]);
 }
 
-// "30:material=gold"
+// text: such as "30:material=gold".
 Cue parse_cue(const std::string& text) {
   Cue cue;
   const char* const end = text.data() + text.size();

@@ -12,9 +12,9 @@
 
 namespace fastibl::demo {
 
-// A command at a frame, as "30:material=gold" has it.
+// A command at a frame, such as "30:material=gold".
 struct Cue {
-  int frame = 0;  // before which it is given, from 1 on
+  int frame = 0;  // the command is given before this frame; counted from 1
   std::string order;
 };
 
@@ -23,14 +23,14 @@ struct Args {
   std::filesystem::path recording;  // or
   std::string back, front;          // cameras: numbers, files or addresses, with
   std::filesystem::path rig, board;
-  std::array<int, 2> size{640, 480};  // of simulated pictures
-  bool true_poses = false;  // of the recording's truth, or the simulator's, instead of tracking
+  std::array<int, 2> size{640, 480};  // size of simulated pictures
+  bool true_poses = false;  // given by the recording or the simulator, instead of tracking
 
   std::vector<std::filesystem::path> objects;  // empty: the built-in knot
   double height = 0.12;                        // metres
   bool z_up = false;
   Material material;
-  std::string material_name;  // of the built-in ones; empty: `material`
+  std::string material_name;  // one of the built-in ones; empty: `material`
 
   bool paper = false;
   double error = 0.02, milliseconds = 0;  // budgets
@@ -43,15 +43,15 @@ struct Args {
   std::vector<std::string> overlays;
   std::vector<Cue> cues;
   bool headless = false, interface = true;
-  bool pace = true;           // a window plays no faster than frames were taken
+  bool pace = true;           // a window plays frames no faster than they were taken
   std::filesystem::path out;  // .webm, .png, or a folder
   std::filesystem::path record;
   std::filesystem::path screenshot;
   int at = 0;  // frame of the screenshot; 0: the last
 };
 
-// Nothing where help or the version was asked for and printed. Throws std::invalid_argument that
-// says what was expected and what came.
+// Returns nothing if help or the version was asked for and printed. Throws std::invalid_argument
+// that says what was expected and what was given.
 std::optional<Args> parse_args(int argc, char** argv);
 
 }  // namespace fastibl::demo

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kMostValues = 1 << 14;  // of a matrix
+constexpr std::int64_t kMostValues = 1 << 14;  // in a matrix
 
 cv::FileStorage open(const fs::path& path) {
   const std::string text = calibration_text(path);
@@ -33,8 +33,8 @@ double number(const cv::FileNode& node, const char* name, const fs::path& path) 
   return item.real();
 }
 
-// Elements of a matrix row by row; empty where there is none. Value by value: FileNode::mat() of a
-// broken file writes beyond its memory.
+// The elements of a matrix, row by row; empty if there is none. They are read one by one, because
+// FileNode::mat() writes beyond its memory when the file is broken.
 std::vector<double> numbers(const cv::FileNode& parent, const char* name, const fs::path& path) {
   const cv::FileNode node = parent[name];
   if (node.empty()) return {};
@@ -61,7 +61,7 @@ int whole(const cv::FileNode& node, const char* name, const fs::path& path) {
   return int(value);
 }
 
-// What OpenCV itself refuses, with the file's name.
+// Turns an error of OpenCV's own into one that names the file.
 template <typename Read>
 auto told(const fs::path& path, Read&& read) {
   try {
@@ -93,7 +93,7 @@ Camera read_camera(const cv::FileNode& node, const char* name, const fs::path& p
   camera.width = whole(node, "width", path);
   camera.height = whole(node, "height", path);
   camera.fx = k[0], camera.fy = k[4];
-  camera.cx = k[2] + 0.5, camera.cy = k[5] + 0.5;  // OpenCV counts from a pixel's centre
+  camera.cx = k[2] + 0.5, camera.cy = k[5] + 0.5;  // OpenCV counts from the first pixel's centre
   camera.distortion = numbers(node, "distortion", path);
   camera.vignetting = numbers(node, "vignetting", path);
   camera.response = read_response(node, path);
@@ -165,7 +165,8 @@ std::optional<Board> read_board(const fs::path& path) {
 
 namespace {
 
-// A text of OpenCV's, and then a file: its own writer does not notice a full disk.
+// OpenCV writes to a text, which is then written to a file: its own file writer does not notice a
+// full disk.
 cv::FileStorage begin() {
   constexpr int kYaml =
       cv::FileStorage::WRITE | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML;

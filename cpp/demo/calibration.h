@@ -1,4 +1,4 @@
-// rig.yaml and board.yaml, as OpenCV's FileStorage has them.
+// Reads and writes rig.yaml and board.yaml in the format of OpenCV's FileStorage.
 #pragma once
 
 #include <filesystem>
@@ -9,9 +9,9 @@
 
 namespace fastibl::demo {
 
-// Throws std::invalid_argument that names the file and what it lacks.
+// Throw std::invalid_argument that names the file and what is missing in it.
 Rig read_rig(const std::filesystem::path& path);
-std::optional<Board> read_board(const std::filesystem::path& path);  // nothing: it lists no tags
+std::optional<Board> read_board(const std::filesystem::path& path);  // nothing if it lists no tags
 // Throw std::runtime_error.
 void write_rig(const std::filesystem::path& path, const Rig& rig);
 void write_board(const std::filesystem::path& path, const Board& board);

@@ -12,15 +12,15 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMostBytes = 1 << 22;
-constexpr int kDeepest = 32;  // levels of a calibration, which has five
+constexpr int kDeepest = 32;  // nesting levels; a calibration has five
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
-// Whether YAML, JSON or XML goes deeper than that, by its indents, within a line, or by its
-// brackets and tags.
+// Whether YAML, JSON or XML nests deeper than that: judged by indents, by levels within a line, or
+// by brackets and tags.
 bool nests(std::string_view text) {
   int depth = 0, in_line = 0, indent = 0;
-  bool begun = false;  // the line
+  bool begun = false;  // whether the line has begun, after its indent
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i], next = i + 1 < text.size() ? text[i + 1] : '\n';
     if (c == '\n' || c == '\r') {

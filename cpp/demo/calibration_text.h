@@ -1,4 +1,5 @@
-// Text of calibration files that OpenCV's parser can be given, whoever wrote them.
+// The text of calibration files, checked so that OpenCV's parser can safely read it, whoever wrote
+// it.
 #pragma once
 
 #include <filesystem>
@@ -6,9 +7,10 @@
 
 namespace fastibl::demo {
 
-// OpenCV's parser calls itself for every level, until no memory is left for that, and may read some
-// binary data for ever: neither comes from its own writer of calibrations. Throws
-// std::invalid_argument that names the file, also for one that is missing or too large.
+// OpenCV's parser calls itself for every level until memory runs out, and may read some binary data
+// forever. Its own writer of calibrations produces neither deep levels nor binary data, so both are
+// refused. Throws std::invalid_argument that names the file, also for one that is missing or too
+// large.
 std::string calibration_text(const std::filesystem::path& path);
 
 }  // namespace fastibl::demo

@@ -12,8 +12,8 @@
 namespace fastibl::demo {
 namespace {
 
-// Pictures that a camera gets to settle its exposure before it is held: radiance is compared
-// between pictures, so an exposure that changes unseen would change the light.
+// Number of pictures that a camera gets to settle its exposure before it is held. Radiance is
+// compared between pictures, so an exposure that changes unnoticed would change the light.
 constexpr int kSettling = 15;
 constexpr int kNetwork = 5000;  // milliseconds in which a camera on the network must answer
 constexpr double kAgain = 0.5;  // seconds between tries to open a camera that was lost
@@ -44,7 +44,7 @@ CameraReader::~CameraReader() {
 void CameraReader::open() {
   if (is_number(place_))
     capture_.open(std::stoi(place_));
-  else if (place_.find("://") != std::string::npos)  // gives up before half a minute
+  else if (place_.find("://") != std::string::npos)  // gives up in less than half a minute
     capture_.open(
         place_, cv::CAP_FFMPEG,
         {cv::CAP_PROP_OPEN_TIMEOUT_MSEC, kNetwork, cv::CAP_PROP_READ_TIMEOUT_MSEC, kNetwork});
@@ -54,7 +54,7 @@ void CameraReader::open() {
   cv::Mat picture;
   const bool file = std::filesystem::is_regular_file(place_);
   if (file) {
-    capture_.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);  // as the sensor took it
+    capture_.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);  // pictures as the sensor took them
   } else {
     capture_.set(cv::CAP_PROP_FRAME_WIDTH, camera_.width);
     capture_.set(cv::CAP_PROP_FRAME_HEIGHT, camera_.height);
@@ -120,7 +120,7 @@ void CameraReader::run() {
   }
 }
 
-// Until it is there again, or this ends.
+// Returns when the camera is there again, or this reader ends.
 void CameraReader::reopen() {
   while (true) {
     {

@@ -1,4 +1,5 @@
-// One live camera, read in a thread of its own: its newest picture, whatever else takes long.
+// One live camera, read in a thread of its own, so that its newest picture is at hand however long
+// other work takes.
 #pragma once
 
 #include <atomic>
@@ -16,9 +17,9 @@ namespace fastibl::demo {
 
 class CameraReader {
  public:
-  // place: OpenCV's camera number, a file, or an address. Throws std::invalid_argument for a camera
-  // that does not open, or gives pictures of another size than `camera`. clock: of the pictures'
-  // times; outlives this.
+  // place: OpenCV's camera number, a file, or an address. clock: gives the pictures' times; must
+  // outlive this reader. Throws std::invalid_argument for a camera that does not open, or whose
+  // pictures have another size than `camera`.
   CameraReader(std::string place, const Camera& camera, std::string name, const Stopwatch& clock);
   ~CameraReader();
 
@@ -26,12 +27,13 @@ class CameraReader {
     cv::Mat picture;  // BGR
     double time = 0;  // seconds, when it was taken
   };
-  // One that was not taken before; waits for at most `seconds`.
+  // The newest picture, unless it was returned before; waits for one for at most `seconds`.
   std::optional<Shot> newest(double seconds);
-  // Whether the camera was lost; it is opened again as soon as it is there.
+  // Whether the camera is lost; it is opened again as soon as it is there.
   bool lost() const { return lost_; }
   const std::string& name() const { return name_; }
-  // Multiplier of radiance: 1 where the camera holds it, else unknown. A file's counts as held.
+  // Multiplier of radiance: 1 if the camera holds its exposure, otherwise unknown. A file's
+  // exposure counts as held.
   std::optional<double> exposure() const { return held_ ? std::optional(1.0) : std::nullopt; }
 
  private:
@@ -45,12 +47,12 @@ class CameraReader {
   std::string name_;
   const Stopwatch& clock_;
   cv::VideoCapture capture_;
-  double period_ = 0;  // seconds between pictures of a file, which would come faster
+  double period_ = 0;  // seconds between pictures of a file, which could be read faster
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Shot> shot_;
   std::atomic<bool> lost_ = false, held_ = false;
-  bool told_ = false;  // that its exposure is not known
+  bool told_ = false;  // the user was told that its exposure is not known
   bool closing_ = false;
   std::thread thread_;
 };

@@ -5,7 +5,7 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr double kWait = 0.1;  // seconds for a picture, before the window has its turn
+constexpr double kWait = 0.1;  // seconds to wait for a picture before the window has its turn
 
 }  // namespace
 
@@ -16,8 +16,8 @@ CameraSource::CameraSource(const std::string& back, const std::string& front, Ri
   if (!front.empty()) front_ = std::make_unique<CameraReader>(front, *rig_.front, "front", clock_);
 }
 
-// The newest of both, stamped with the back camera's time; the front camera's alone while the back
-// camera is lost.
+// The newest pictures of both cameras, stamped with the back camera's time; the front camera's
+// alone while the back camera is lost.
 std::optional<OwnedFrame> CameraSource::next() {
   const std::optional<CameraReader::Shot> back = back_->newest(kWait);
   if (!back && !(front_ && back_->lost())) return std::nullopt;

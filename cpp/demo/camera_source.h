@@ -8,7 +8,7 @@
 
 namespace fastibl::demo {
 
-// Goes on whatever happens to the cameras: one that was unplugged is opened again.
+// Goes on whatever happens to the cameras: one that was unplugged is opened again when it is back.
 class CameraSource final : public FrameSource {
  public:
   // back, front: numbers, files or addresses; front empty for none. Throws as CameraReader does.

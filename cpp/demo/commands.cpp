@@ -22,7 +22,7 @@ double number(const char* command, const std::string& text) {
         ": expected a number, got \"", text, '"');
   return value;
 }
-std::string plain(float value) {  // as short as it reads
+std::string plain(float value) {  // the shortest text that reads back the same
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
 }
@@ -218,7 +218,7 @@ void run_with(Player& player, const Command& command, const std::string& value) 
 
 void run(Player& player, const Command& command, const std::string& value) {
   run_with(player, command, value);
-  // What makes an object, or a recording, tells by itself.
+  // Commands that make an object or a recording print messages of their own.
   if (command.choices && command.name != "object" && command.name != "height" &&
       command.name != "record")
     player.say(std::string(command.name) + ": " + command.current(player));

@@ -10,7 +10,7 @@
 
 namespace fastibl::demo {
 
-// A Frame that owns its pictures; RGB, empty where a camera has none.
+// A Frame that owns its pictures. They are RGB, and empty if a camera has none.
 struct OwnedFrame {
   double time = 0;
   Image<std::uint8_t> back, front;
@@ -18,24 +18,24 @@ struct OwnedFrame {
   std::optional<Pose> back_from_marker;
   std::optional<glm::dmat3> attitude;
 
-  Frame view() const;  // valid as long as this is
+  Frame view() const;  // valid as long as this frame
 };
 
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
   virtual const Rig& rig() const = 0;
-  // The board in view, where the source knows it.
+  // The board in view, if the source knows it.
   virtual std::optional<Board> board() const { return std::nullopt; }
-  // Nothing at the end, and where no picture has come for a while. Trouble with a picture is told
-  // on stderr.
+  // Returns nothing at the end, and also when no picture has come for a while. Trouble with a
+  // picture is reported on stderr.
   virtual std::optional<OwnedFrame> next() = 0;
   virtual bool ended() const = 0;                     // for good
-  virtual double fps() const = 0;                     // of a video of these frames
-  virtual bool live() const = 0;                      // frames come when they come
-  virtual std::string trouble() const { return {}; }  // that lasts, for people
+  virtual double fps() const = 0;                     // for a video of these frames
+  virtual bool live() const = 0;                      // frames come at times of their own
+  virtual std::string trouble() const { return {}; }  // lasting trouble, told to people
 
-  // Of a place that can be told: its true light as the object sees it; null elsewhere.
+  // The place's true light as the object sees it, if the source knows it; otherwise null.
   virtual std::shared_ptr<const CubeMap> true_light() { return nullptr; }
   virtual bool has_lamp() const { return false; }
   virtual bool lamp() const { return false; }

@@ -20,8 +20,8 @@ void take_screenshot(Player& player) {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-// Ctrl-C, kill, and a terminal that is closed end it as --frames does: what was written so far is
-// whole. A second one ends at once.
+// Ctrl-C, kill and closing the terminal end the run as --frames does, so what was written so far is
+// complete. A second signal ends it at once.
 void end_by_signals() {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     const auto before = std::signal(signal, [](int number) {
@@ -48,12 +48,12 @@ bool run_headless(const Args& args) {
     }
     script.after_frame(player);
     player.timings().count_frame();
-    const bool shows = player.picture_is_new();  // else it fed the map
+    const bool shows = player.picture_is_new();  // otherwise the frame only fed the map
     take_screenshot(player);
     if (shows) output.add(player.picture());
   }
   output.finish();
-  const bool ended = player.quit || interrupted;  // by whoever runs it
+  const bool ended = player.quit || interrupted;  // by the user
   if (ended && player.count() == 0) return true;
   check(player.count() > 0, "no frame could be read");
   script.at_the_end(player);

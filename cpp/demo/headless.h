@@ -1,12 +1,12 @@
-// The frames without a window.
+// Processes frames without a window.
 #pragma once
 
 #include "demo/args.h"
 
 namespace fastibl::demo {
 
-// Processes all frames with the commands of args.cues; leaves pictures at args.out and
-// args.screenshot, and prints the timings. False where the frames ended before a command or a
+// Processes all frames with the commands of args.cues; writes pictures to args.out and
+// args.screenshot, and prints the timings. Returns false if the frames ended before a command or a
 // screenshot was due.
 bool run_headless(const Args& args);
 

@@ -21,7 +21,7 @@ void explain(const Command& command) {
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", std::string(command.help).c_str());
 }
 
-// What is wrong with a value is told: a person looks on.
+// Shows an error as a message instead of passing it on, because a person is watching.
 void do_it(Player& player, const Command& command, const std::string& value) {
   try {
     run(player, command, value);
@@ -75,7 +75,7 @@ Interface::~Interface() {
 
 void Interface::build_group(Player& player, std::string_view group) {
   const std::string title(group);
-  // Methods are many, and the plan chooses well.
+  // The methods are closed at first: there are many, and the plan chooses them well.
   const auto open = group == "methods" ? ImGuiTreeNodeFlags_None : ImGuiTreeNodeFlags_DefaultOpen;
   if (!ImGui::CollapsingHeader(title.c_str(), open)) return;
   int in_row = 0;
@@ -111,7 +111,7 @@ void Interface::build(Player& player) {
     build_group(player, group);
     if (group != "object") continue;
     ImGui::SetNextItemWidth(150);
-    ImGui::PushAllowKeyboardFocus(false);  // Tab hides the panel, and goes to no field
+    ImGui::PushAllowKeyboardFocus(false);  // Tab hides the panel instead of going to a field
     const bool entered = ImGui::InputText("##file", &file_, ImGuiInputTextFlags_EnterReturnsTrue);
     ImGui::PopAllowKeyboardFocus();
     ImGui::SameLine();

@@ -12,13 +12,13 @@ class Player;
 
 class Interface {
  public:
-  // Window units, of the panel at the window's left; high enough for what is open at first.
+  // The panel at the window's left, in window units; high enough for what is open at first.
   static constexpr int kWidth = 300, kHeight = 560;
 
-  // With the window's context current, after the window's own callbacks were set. desktop_gl: the
-  // library draws with that alone.
+  // Call it with the window's context current, after the window's own callbacks were set.
+  // desktop_gl: whether the context is desktop OpenGL; the interface library draws with no other.
   Interface(GLFWwindow* window, bool desktop_gl);
-  ~Interface();  // with the context current
+  ~Interface();  // call it with the context current
   Interface(const Interface&) = delete;
   Interface& operator=(const Interface&) = delete;
 

@@ -14,7 +14,7 @@ constexpr int kFailed = 1, kBadInput = 2;
 
 bool run(const fastibl::demo::Args& args) {
   using namespace fastibl::demo;
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors are told by us
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we report errors
   cv::setNumThreads(1);  // the passes share the cores themselves
   fastibl::set_threads(args.threads);
   if (args.headless) return run_headless(args);

@@ -21,7 +21,7 @@ Material plastic(glm::vec3 color, float roughness) {
 using Made = Material (*)();
 struct Entry {
   const char* name;
-  Made make;  // when it is wanted: an anisotropic lobe's table takes a second
+  Made make;  // called only when wanted: an anisotropic lobe's table takes a second
 };
 constexpr Entry kEntries[] = {{"matte",
                                [] {

@@ -8,9 +8,9 @@
 
 namespace fastibl::demo {
 
-// "given", by the arguments, and the built-in ones.
+// "given", for the material that the arguments describe, and the built-in ones.
 std::vector<std::string> material_names();
-// Throws std::invalid_argument for a name that is none of them.
+// Throws std::invalid_argument for any other name.
 Material material_named(const std::string& name, const Material& given);
 
 }  // namespace fastibl::demo

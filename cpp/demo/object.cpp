@@ -31,7 +31,7 @@ Mesh read_object(const std::filesystem::path& path, bool z_up) {
 Mesh knot() {
   constexpr int kAlong = 240, kAround = 18;
   constexpr double kTurn = 2 * std::numbers::pi;
-  // The (2, 3) torus knot, standing: its axis is y.
+  // The (2, 3) torus knot, standing upright: its axis is y.
   const auto path = [](double t) {
     const double r = 1 + 0.45 * std::cos(3 * t);
     return glm::dvec3(r * std::cos(2 * t), 0.55 * std::sin(3 * t), r * std::sin(2 * t));
@@ -40,7 +40,7 @@ Mesh knot() {
   for (int i = 0; i < kAlong; ++i) {
     const double t = kTurn * i / kAlong, step = 1e-4;
     const glm::dvec3 tangent = glm::normalize(path(t + step) - path(t - step));
-    // Outwards from the torus' core: never along the tangent, and closed after one round.
+    // Points outwards from the torus' core: never along the tangent, and the same after one round.
     const glm::dvec3 core(std::cos(2 * t), 0, std::sin(2 * t));
     const glm::dvec3 binormal = glm::normalize(glm::cross(tangent, path(t) - core));
     const glm::dvec3 normal = glm::cross(binormal, tangent);
@@ -88,7 +88,8 @@ Mesh ball() {
 
 namespace {
 
-// A quad of four corners, counter-clockwise from outside, with vertices of its own: a flat side.
+// A flat side with these four corners, counter-clockwise as seen from outside. It has vertices of
+// its own, which makes it flat.
 void add_side(Mesh& mesh, const std::array<glm::vec3, 4>& corners) {
   const int first = int(mesh.vertices.size());
   mesh.vertices.insert(mesh.vertices.end(), corners.begin(), corners.end());
@@ -106,7 +107,7 @@ Mesh steps() {
   Mesh mesh;
   const float w = 1.5f;
   for (int i = 0; i < kSteps; ++i)
-    for (int j = 0; j <= i; ++j) {  // cells: no corner lies on another's edge
+    for (int j = 0; j <= i; ++j) {  // in cells, so that no corner lies on another's edge
       const float x0 = float(i), x1 = x0 + 1, z0 = float(j), z1 = z0 + 1;
       add_side(mesh, {{{x0, 0, z0}, {x1, 0, z0}, {x1, 0, z1}, {x0, 0, z1}}});
       add_side(mesh, {{{x1, w, z0}, {x0, w, z0}, {x0, w, z1}, {x1, w, z1}}});

@@ -7,18 +7,19 @@
 
 namespace fastibl::demo {
 
-// Of a Wavefront .obj, as fastibl/scene/obj_file.h. z_up: otherwise y is up in the file and is
-// turned to z. Throws std::invalid_argument that names file and line.
+// Reads a Wavefront .obj file as fastibl/scene/obj_file.h does. z_up: whether z is up in the file;
+// otherwise y is, and is turned to z. Throws std::invalid_argument that names the file and the
+// line.
 Mesh read_object(const std::filesystem::path& path, bool z_up);
 
-// A torus knot with a tube that is thin in places; smooth, concave, and in its own shadow.
+// A torus knot whose tube is thin in places; it is smooth, concave, and casts shadows on itself.
 Mesh knot();
 
 Mesh ball();
-// Three steps: flat sides and sharp corners.
+// Three steps, with flat sides and sharp corners.
 Mesh steps();
 
-// Scaled to `height` metres, centred on the z axis, lowest point on z = 0.
+// The mesh scaled to `height` metres, centred on the z axis, with its lowest point at z = 0.
 Mesh stand(Mesh mesh, double height);
 
 }  // namespace fastibl::demo

@@ -1,4 +1,4 @@
-// Objects to choose from.
+// The objects to choose from.
 #pragma once
 
 #include <filesystem>
@@ -11,14 +11,14 @@ namespace fastibl::demo {
 
 class ObjectList {
  public:
-  // files: after the built-in ones; z_up: of all files.
+  // files: listed after the built-in objects. z_up: applies to all files.
   ObjectList(const std::vector<std::filesystem::path>& files, bool z_up);
 
   const std::vector<std::string>& names() const { return names_; }
-  // Of a name, or of an OBJ file. In its own frame, as it came. Throws std::invalid_argument for
-  // neither.
+  // The mesh of a built-in name, or of an OBJ file, in its own frame and unchanged. Throws
+  // std::invalid_argument for anything else.
   Mesh mesh(const std::string& name) const;
-  void add(const std::string& name);  // to the list, where it is not there
+  void add(const std::string& name);  // to the list, unless it is there
 
  private:
   std::vector<std::string> names_;

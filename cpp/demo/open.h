@@ -1,4 +1,4 @@
-// From the arguments to a source of frames, the board that it shows, and a back end.
+// Makes from the arguments: a source of frames, the board that it shows, and a back end.
 #pragma once
 
 #include <memory>
@@ -9,10 +9,11 @@
 namespace fastibl::demo {
 
 std::unique_ptr<FrameSource> open_source(const Args& args);
-// The board that poses are tracked on; nothing where they are given and the recording has none.
+// The board on which poses are tracked. Nothing if the poses are given and the recording has no
+// board.
 std::optional<Board> board_for(const Args& args, const FrameSource& source);
-// "cpu", or "gl" where it was built in; throws std::invalid_argument otherwise, and
-// std::runtime_error where there is no driver.
+// backend: "cpu", or "gl" if that was built in; throws std::invalid_argument for anything else, and
+// std::runtime_error if there is no driver.
 std::unique_ptr<Renderer> make_renderer(const std::string& backend);
 
 }  // namespace fastibl::demo

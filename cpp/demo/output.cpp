@@ -76,7 +76,7 @@ void Output::add(const Image<std::uint8_t>& picture) {
 void Output::finish() {
   if (path_.extension() == ".png" && !last_.empty()) write_png(path_, last_);
   if (!video_.isOpened()) return;
-  video_.release();  // which tells nothing of a full disk
+  video_.release();  // which does not report a full disk
   cv::VideoCapture written(path_.string());
   if (!written.isOpened() || !written.grab())
     throw std::runtime_error("could not write " + path_.string() + "; is the disk full?");

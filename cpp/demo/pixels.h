@@ -1,4 +1,4 @@
-// Between OpenCV's pictures (BGR) and ours (RGB).
+// Converts between OpenCV's pictures (BGR) and ours (RGB).
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ inline Image<std::uint8_t> rgb_from(const cv::Mat& bgr) {
   return image;
 }
 
-// 3 or 4 channels.
+// image: 3 or 4 channels.
 inline cv::Mat bgr_from(const Image<std::uint8_t>& image) {
   const bool alpha = image.channels == 4;
   const cv::Mat rgb(image.height, image.width, alpha ? CV_8UC4 : CV_8UC3,

@@ -12,12 +12,12 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr double kNew = 3;  // seconds for which what was said is shown
-// A person who looks on, and asked for no time, sees no slow motion: a mirror within 2 % may take
-// most of a second.
-constexpr double kSlow = 0.15;       // seconds a frame
-constexpr int kSlowFrames = 5;       // one after the other
-constexpr double kQuickEnough = 50;  // milliseconds that are asked for then
+constexpr double kNew = 3;  // seconds for which a message is shown
+// A person who watches and has set no time budget should not see slow motion: a mirror within 2 %
+// may take most of a second a frame.
+constexpr double kSlow = 0.15;       // seconds per frame
+constexpr int kSlowFrames = 5;       // in a row
+constexpr double kQuickEnough = 50;  // milliseconds, the budget that is set then
 
 }  // namespace
 
@@ -78,7 +78,7 @@ bool Player::advance() {
   timings_.add(result.timings);
   watch_time(result);
   changed_ = false;
-  // A front picture alone feeds the map; there is nothing to show.
+  // A frame with a front picture alone only feeds the map; there is nothing to show.
   if (frame_->back.empty()) {
     result_.environment = result.environment;
     return true;
@@ -95,7 +95,7 @@ void Player::watch_time(const FrameResult& result) {
   const double seconds = result.timings.at("total");
   slow_ = seconds > kSlow ? slow_ + 1 : 0;
   if (slow_ < kSlowFrames || hurried_) return;
-  hurried_ = true;  // once: who then asks for none gets none
+  hurried_ = true;  // only once: a user who then asks for no budget gets none
   char text[96];
   std::snprintf(text, sizeof text, "%.0f ms a frame for %g %%: methods are now chosen for %g ms",
                 1000 * seconds, 100 * options().error, kQuickEnough);
@@ -103,7 +103,8 @@ void Player::watch_time(const FrameResult& result) {
   say(text);
 }
 
-// By what was changed. The map stays as it is: a picture counts once.
+// Draws the frame again with what was changed. The map stays as it is, because a picture counts
+// only once.
 void Player::refresh() {
   adopt_object();
   if (!changed_ || !frame_ || frame_->back.empty()) return;
@@ -138,7 +139,7 @@ const Image<std::uint8_t>& Player::picture() {
   return picture_;
 }
 
-// Of several wishes while one object is made, the last counts.
+// If several objects are asked for while one is being made, the last one counts.
 void Player::wish_for_object(const std::string& name, double height) {
   coming_name_ = name, coming_height_ = height;
   again_ = live_ && coming_.valid();
@@ -210,7 +211,7 @@ void Player::set_backend(const std::string& name) {
   const std::string before = std::exchange(backend_, name);
   try {
     session_->set_renderer(make_renderer());
-  } catch (...) {  // it lacks a method that is asked for
+  } catch (...) {  // the renderer lacks a method that is asked for
     backend_ = before;
     throw;
   }
@@ -257,8 +258,8 @@ void Player::record_frame() {
 
 void Player::restart() {
   if (!source_->live()) {
-    std::unique_ptr<FrameSource> again = open_source(args_);  // or this one stays
-    set_recording(false);                                     // time begins again
+    std::unique_ptr<FrameSource> again = open_source(args_);  // if it throws, the old one stays
+    set_recording(false);                                     // because time begins again
     source_ = std::move(again);
   }
   begin_session();
@@ -266,7 +267,7 @@ void Player::restart() {
   say("beginning again");
 }
 
-// As it is, without its map.
+// Begins a session with the present settings, but without the map.
 void Player::begin_session() {
   Scene scene = session_->scene();
   const SessionOptions options = session_->options();

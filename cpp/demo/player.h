@@ -1,4 +1,4 @@
-// A Session over the frames of a source, and all that is changed while it runs.
+// Runs a Session over the frames of a source, and holds all that is changed while it runs.
 #pragma once
 
 #include <array>
@@ -20,21 +20,22 @@ namespace fastibl::demo {
 
 class Player {
  public:
-  // live: a person looks on. Objects are then made beside the frames, what is wrong is told and
-  // gone on from, and told in the picture, too; otherwise it throws.
+  // live: whether a person is watching. If so, objects are made in the background, and after an
+  // error the program goes on and shows it on stderr and in the picture. Otherwise errors are
+  // thrown.
   Player(const Args& args, bool live);
 
-  // Takes the next frame; false where there is none, now or any more.
+  // Takes the next frame; returns false if there is none, for now or for good.
   bool advance();
-  void refresh();  // the same frame once more, where something was changed
-  // The last picture with its overlays; empty before the first.
+  void refresh();  // draws the same frame again if something was changed
+  // The last picture with its overlays; empty before the first one.
   const Image<std::uint8_t>& picture();
   bool picture_is_new() const { return !drawn_; }  // since picture() was last called
 
-  void set_object(const std::string& name);  // of objects(), or an OBJ file
+  void set_object(const std::string& name);  // one of objects(), or an OBJ file
   void set_material(const std::string& name);
   void set_height(double metres);
-  void turn(double degrees);  // on the spot, anticlockwise from above
+  void turn(double degrees);  // on the spot, anticlockwise as seen from above
   void set_cast_shadow(bool cast);
   void set_shadow_strength(double strength);
   void set_methods(const Methods& methods);
@@ -44,11 +45,11 @@ class Player {
   void set_lamp(bool on) { source_->set_lamp(on); }
   void set_recording(bool on, const std::filesystem::path& path = {});
   void restart();  // forgets the map; files and the simulator begin again
-  // For people, and on the standard output.
+  // Shows a message in the picture and prints it on the standard output.
   void say(const std::string& message);
 
   bool frozen = false, step = false, quit = false, show_help = false, show_interface = true;
-  std::filesystem::path screenshot;  // that is wanted of what is shown now; empty: none
+  std::filesystem::path screenshot;  // where to store what is shown now; empty: nowhere
 
   const Args& args() const { return args_; }
   FrameSource& source() { return *source_; }
@@ -69,13 +70,13 @@ class Player {
   const std::string& backend() const { return backend_; }
   bool lamp() const { return source_->lamp(); }
   bool paper() const { return methods() == Methods::paper(); }
-  bool is_making() const {  // an object, beside the frames
+  bool is_making() const {  // whether an object is being made in the background
     return live_ && coming_.valid() &&
            coming_.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
   }
   bool recording() const { return recorder_ != nullptr; }
-  std::string notice() const;             // what was said last, while it is new
-  int unseen() const { return unseen_; }  // frames without the board
+  std::string notice() const;             // the last message, while it is new
+  int unseen() const { return unseen_; }  // number of frames without the board
 
  private:
   Scene make_object(Mesh mesh, double height) const;
@@ -101,17 +102,17 @@ class Player {
   std::optional<Board> board_;
   std::unique_ptr<Session> session_;
   std::future<Scene> coming_;  // the next object
-  std::string coming_name_;    // of the last wish
+  std::string coming_name_;    // the object that was asked for last
   double coming_height_ = 0;
-  bool again_ = false;  // the wish is another than what is being made
+  bool again_ = false;  // another object was asked for than is being made
   std::unique_ptr<Recorder> recorder_;
   std::shared_ptr<const OwnedFrame> frame_;
   FrameResult result_;
-  std::optional<Tracked> tracked_;  // of the frame, however often it is drawn
+  std::optional<Tracked> tracked_;  // kept for the frame, however often it is drawn
   Image<std::uint8_t> picture_;
   bool changed_ = false, drawn_ = false;
   int count_ = 0, unseen_ = 0, slow_ = 0;  // frames
-  bool hurried_ = false;                   // a time was asked for because it was slow
+  bool hurried_ = false;                   // a time budget was set because it was slow
   Timings timings_;
   std::string said_;
   Stopwatch clock_;

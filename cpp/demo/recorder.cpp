@@ -18,9 +18,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kSync = 0.5;  // seconds between calls that bring the list of pictures to the disk
-constexpr std::uintmax_t kLeastFree = 200 << 20;  // bytes of the disk that are left to others
+constexpr std::uintmax_t kLeastFree = 200 << 20;  // bytes that are left free on the disk for others
 
-std::string number(double value) {  // shortest that reads back the same
+std::string number(double value) {  // the shortest text that reads back the same
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
 }
@@ -106,7 +106,7 @@ void Recorder::run() {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [&] { return closing_ || !waiting_.empty(); });
         if (waiting_.empty()) return;
-        frame = waiting_.front();  // counts as waiting while it is written
+        frame = waiting_.front();  // counts as waiting until it is written
       }
       write(*frame);
       ++written_;

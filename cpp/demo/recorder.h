@@ -1,5 +1,5 @@
-// Stores a recording while frames come, in a thread of its own; folders as fastibl.Recorder writes
-// them.
+// Stores a recording while frames come, in a thread of its own, in the same folders as
+// fastibl.Recorder.
 #pragma once
 
 #include <condition_variable>
@@ -15,22 +15,22 @@
 
 namespace fastibl::demo {
 
-// Every picture is whole before frames.csv names it, and no more than kMostWaiting frames wait: a
-// program that is killed loses what waited.
+// Every picture is written completely before frames.csv names it. No more than kMostWaiting frames
+// wait, and only those are lost if the program is killed.
 class Recorder {
  public:
-  static constexpr std::size_t kMostWaiting = 20;  // frames: less than a second's
-  // folder: one that does not exist or is empty. Throws std::invalid_argument for another, and
-  // std::runtime_error where it cannot be written or the disk is full.
+  static constexpr std::size_t kMostWaiting = 20;  // frames, less than a second of them
+  // folder: must not exist, or be empty. Throws std::invalid_argument for another one, and
+  // std::runtime_error if it cannot be written or the disk is full.
   Recorder(const std::filesystem::path& folder, const Rig& rig, const std::optional<Board>& board);
-  ~Recorder();  // writes what waits
+  ~Recorder();  // writes the frames that wait
 
-  // Where too many wait, waits itself or drops it. Throws what ended the recording, if anything
-  // did.
+  // If too many frames wait already, waits itself or drops this one. Throws the error that ended
+  // the recording, if there was one.
   void add(std::shared_ptr<const OwnedFrame> frame, bool wait = false);
-  void close();  // writes what waits; throws what ended the recording
+  void close();  // also writes them; throws the error that ended the recording
 
-  int written() const { return written_; }  // frames; both after close()
+  int written() const { return written_; }  // frames; call both after close()
   int dropped() const { return dropped_; }
   const std::filesystem::path& path() const { return folder_; }
 

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostBytes = 1 << 30;  // of a picture
+constexpr std::size_t kMostBytes = 1 << 30;  // of a picture file
 constexpr double kSameTime = 1e-3;           // seconds between a frame and its true pose
 
 std::vector<std::string> cells(std::string line) {
@@ -26,12 +26,12 @@ std::vector<std::string> cells(std::string line) {
   for (const char c : line)
     if (c == ',')
       out.emplace_back();
-    else if (c != '"' && !(c == ' ' && out.back().empty()))  // names hold neither commas nor quotes
+    else if (c != '"' && !(c == ' ' && out.back().empty()))  // names hold no commas or quotes
       out.back() += c;
   return out;
 }
 
-// A picture, or frame `number` of a video.
+// A picture file, or frame `number` of a video file.
 struct FileName {
   std::string file;
   std::optional<int> number;
@@ -47,13 +47,14 @@ std::optional<FileName> file_name(const std::string& text) {
   return FileName{text.substr(0, mark), number};
 }
 
-// Whether a name of a recording, which others may have written, is of a place in its folder.
+// Whether a file name in a recording, which others may have written, leads to a place in its
+// folder.
 bool stays_inside(const std::string& name) {
   const fs::path path = fs::path(name).lexically_normal();
   return path.is_relative() && !path.empty() && *path.begin() != "..";
 }
 
-// Of a file in a recording's folder, wherever links lead.
+// The path of a file in a recording's folder; throws if links lead out of the folder.
 fs::path inside(const fs::path& folder, const std::string& name, const char* what) {
   const fs::path path = folder / name;
   if (!fs::is_regular_file(path))
@@ -81,7 +82,7 @@ double number(const std::string& text, const std::string& where) {
   return value;
 }
 
-// Of a table's first line, which spreadsheets begin with a byte order mark.
+// The cells of a table's first line, which spreadsheets begin with a byte order mark.
 std::vector<std::string> header_of(std::ifstream& file) {
   std::string line;
   std::getline(file, line);
@@ -89,8 +90,8 @@ std::vector<std::string> header_of(std::ifstream& file) {
   return cells(line);
 }
 
-// Calls visit(cells, where) for the lines after a header that was read, but for a last one without
-// its end: a crash may have cut it off.
+// Calls visit(cells, where) for each line after the header, which was read before. A last line
+// without a line end is left out: a crash may have cut it off.
 template <typename Visit>
 void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
   std::string line;
@@ -106,7 +107,7 @@ void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
   }
 }
 
-// Calls visit(time, numbers) for the lines of a table of such columns.
+// Calls visit(time, numbers) for each line of a table with these columns.
 template <typename Visit>
 void for_numbers(std::ifstream& file, const fs::path& path, std::string_view columns,
                  Visit&& visit) {
@@ -167,7 +168,7 @@ void RecordingReader::read_table(const fs::path& path) {
     Entry Moment::*const which = row[camera] == "back" ? &Moment::back : &Moment::front;
     auto last = moments_.upper_bound(at);
     const bool known = last != moments_.begin() && (--last)->first == at;
-    if (!known || !(last->second.*which).file.empty())  // another picture of that time
+    if (!known || !(last->second.*which).file.empty())  // another picture with the same time
       last = moments_.emplace(at, Moment{});
     last->second.*which = entry;
   });
@@ -184,7 +185,7 @@ void RecordingReader::read_poses(const fs::path& path) {
   });
 }
 
-// Where a gyroscope was there.
+// The file exists if there was a gyroscope.
 void RecordingReader::read_attitudes(const fs::path& path) {
   std::ifstream file(path);
   if (!file.good()) return;
@@ -193,7 +194,7 @@ void RecordingReader::read_attitudes(const fs::path& path) {
     for (int k = 0; k < 9; ++k) rotation[k % 3][k / 3] = m[k];
     check(is_rotation(rotation, kAttitude), path.string(), ": the attitude at ", time,
           " s must be a rotation");
-    attitudes_.emplace(time, rotation);  // behind others of its time
+    attitudes_.emplace(time, rotation);  // after others with the same time
   });
 }
 
@@ -203,7 +204,7 @@ std::optional<OwnedFrame> RecordingReader::next() {
   OwnedFrame frame;
   frame.time = time;
   frame.back_exposure = moment.back.exposure, frame.front_exposure = moment.front.exposure;
-  // Frames of one time have each their own, in their order.
+  // Frames with the same time each have an attitude of their own, in the same order.
   const auto first = moments_.lower_bound(time);
   auto told = attitudes_.lower_bound(time);
   for (auto of = first; of != next_ && told != attitudes_.end(); ++of) ++told;
@@ -217,7 +218,7 @@ std::optional<OwnedFrame> RecordingReader::next() {
   try {
     if (!moment.back.file.empty()) frame.back = read(moment.back.file);
     if (!moment.front.file.empty()) frame.front = read(moment.front.file);
-  } catch (const std::exception& error) {  // what was read so far is kept
+  } catch (const std::exception& error) {  // the frames read so far are kept
     std::cerr << "fastibl-demo: " << error.what() << "; " << std::distance(moments_.cbegin(), next_)
               << " of " << moments_.size() << " frames were read\n";
     next_ = moments_.end();
@@ -233,9 +234,9 @@ Image<std::uint8_t> RecordingReader::read(const std::string& file) {
   const fs::path path = inside(folder_, file, "picture");
   const std::vector<char> data = bytes_of(path, kMostBytes);
   const std::string_view content(data.data(), data.size());
-  // The decoder fills what a JPEG that was cut off lacks.
+  // Checked here, because the decoder fills in what is missing in a JPEG that was cut off.
   const bool cut = content.starts_with("\xff\xd8") && content.rfind("\xff\xd9") == content.npos;
-  // As the sensor took it, however the camera was held.
+  // Reads the picture as the sensor took it, however the camera was held.
   constexpr int kAsTaken = cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION;
   const cv::Mat picture = cut || data.empty() ? cv::Mat() : cv::imdecode(data, kAsTaken);
   if (picture.empty())
@@ -243,12 +244,13 @@ Image<std::uint8_t> RecordingReader::read(const std::string& file) {
   return rgb_from(picture);
 }
 
-// Frame by frame: seeking is not exact in every container.
+// Reads frame by frame, because seeking is not exact in every container.
 cv::Mat RecordingReader::read_video(const std::string& name, int number) {
   const fs::path path = inside(folder_, name, "video");
   Video& video = videos_[name];
   if (!video.capture.isOpened() || number < video.following) {
-    // By content: a playlist of that name would have FFmpeg read what it names.
+    // The content tells the kind of file: a playlist under that name would make FFmpeg read the
+    // files that it lists.
     const std::vector<char> head = bytes_of(path, 12);
     const std::string_view kind(head.data(), head.size());
     if (!kind.starts_with("\x1a\x45\xdf\xa3") && !kind.starts_with("RIFF") &&
@@ -270,7 +272,7 @@ cv::Mat RecordingReader::read_video(const std::string& name, int number) {
 }
 
 double RecordingReader::fps() const {
-  // Front pictures may have times of their own.
+  // Counts back pictures only: front pictures may have times of their own.
   int count = 0;
   double first = 0, last = 0;
   for (const auto& [time, moment] : moments_) {

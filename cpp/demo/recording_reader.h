@@ -1,4 +1,5 @@
-// Frames of a recording: a folder with rig.yaml, board.yaml, frames.csv, and pictures or videos.
+// Reads the frames of a recording: a folder with rig.yaml, board.yaml, frames.csv, and pictures or
+// videos.
 #pragma once
 
 #include <filesystem>
@@ -12,8 +13,8 @@ namespace fastibl::demo {
 
 class RecordingReader final : public FrameSource {
  public:
-  // true_poses: of truth/poses.csv. Throws std::invalid_argument that names what is missing or
-  // wrong.
+  // true_poses: whether frames get the poses of truth/poses.csv. Throws std::invalid_argument that
+  // names what is missing or wrong.
   RecordingReader(const std::filesystem::path& folder, bool true_poses);
 
   const Rig& rig() const override { return rig_; }
@@ -25,8 +26,8 @@ class RecordingReader final : public FrameSource {
 
  private:
   struct Entry {
-    std::string file;                    // picture, or video#frame; empty: none
-    std::optional<double> exposure = 1;  // nothing where the camera did not tell
+    std::string file;                    // a picture's name, or video#frame; empty: none
+    std::optional<double> exposure = 1;  // nothing if the camera did not tell it
   };
   struct Moment {
     Entry back, front;

@@ -1,4 +1,4 @@
-// Columns of a recording's tables of numbers, as docs/files.md has them.
+// The columns of a recording's tables of numbers, as described in docs/files.md.
 #pragma once
 
 #include <string_view>

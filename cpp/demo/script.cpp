@@ -7,7 +7,7 @@ namespace fastibl::demo {
 
 void Script::before_frame(Player& player) {
   const int frame = player.count() + 1;
-  if (given_for_ == frame) return;  // no picture had come
+  if (given_for_ == frame) return;  // no picture came since the last call
   given_for_ = frame;
   for (const Cue& cue : args_.cues) {
     if (cue.frame != frame) continue;

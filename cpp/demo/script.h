@@ -1,4 +1,4 @@
-// Commands and the screenshot that the arguments ask for at certain frames.
+// Gives the commands and takes the screenshot that the arguments ask for at certain frames.
 #pragma once
 
 #include "demo/commands.h"
@@ -9,15 +9,16 @@ class Script {
  public:
   explicit Script(const Args& args) : args_(args) {}
 
-  void before_frame(Player& player);  // the one that advance() takes next
+  void before_frame(Player& player);  // the frame that advance() takes next
   void after_frame(Player& player);
   void at_the_end(Player& player);
-  // Tells on stderr of commands and a screenshot whose frame never came.
+  // Returns false, and reports on stderr, if the frame of a command or of the screenshot never
+  // came.
   bool all_came(const Player& player) const;
 
  private:
   const Args& args_;
-  int given_for_ = 0;  // frame before which commands were given
+  int given_for_ = 0;  // frame before which commands were given last
 };
 
 }  // namespace fastibl::demo

@@ -15,10 +15,10 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr double kIdle = 0.05;  // seconds between looks at a window whose frames stand still
+constexpr double kIdle = 0.05;  // seconds between checks of a window whose frames stand still
 
 #ifndef FASTIBL_WITH_INTERFACE
-// Built without the library: keys and overlays do all.
+// Stands in if the interface's library was not built in: keys and overlays do everything.
 struct Interface {
   static constexpr int kWidth = 0, kHeight = 0;
   Interface(GLFWwindow*, bool) {}
@@ -33,7 +33,7 @@ class Viewer {
  public:
   explicit Viewer(const Args& args)
       : args_(args),
-        window_(args.size[0], args.size[1], "fastibl"),  // first: it says at once what is missing
+        window_(args.size[0], args.size[1], "fastibl"),  // first: it tells at once what is missing
         player_(args, true),
         script_(args) {
     window_.with_context(
@@ -53,7 +53,7 @@ class Viewer {
     std::cout << std::flush;
     while (!window_.closed() && !player_.quit) {
       const bool ended = player_.ended() || (args_.frames > 0 && player_.count() >= args_.frames);
-      // What was asked for by flags alone ends by itself.
+      // With args.frames, or a screenshot of the last frame, the program ends by itself.
       if (ended && (args_.frames > 0 || (!args_.screenshot.empty() && args_.at == 0))) break;
       const bool goes_on = !ended && (!player_.frozen || player_.step);
       player_.step = false;
@@ -71,7 +71,7 @@ class Viewer {
     save_screenshot();
     player_.set_recording(false);
     player_.timings().print(std::cout);
-    // An object that is still being made would be waited for.
+    // Otherwise the exit would wait for an object that is still being made.
     if (player_.is_making()) std::cout << std::flush, std::_Exit(0);
   }
 
@@ -88,7 +88,7 @@ class Viewer {
   }
 
   void press_key(const std::string& key) {
-    if (interface_->takes_keys() && key != "tab") return;  // which hides the panel and its field
+    if (interface_->takes_keys() && key != "tab") return;  // tab hides the panel and its text field
     try {
       press(player_, key);
     } catch (const std::exception& error) {
@@ -111,7 +111,7 @@ class Viewer {
     if (left() > 0) interface_->render();
   }
 
-  // With what is for people alone: help, and what was said.
+  // Draws the picture with what is for people alone: help and messages.
   void draw_picture() {
     Image<std::uint8_t> picture = player_.picture();
     Canvas canvas(picture);
@@ -132,13 +132,13 @@ class Viewer {
                       fixed(player_.timings().recent("total"), 1) + " ms   (h: help)");
   }
 
-  // A recording, and the simulator, play no faster than they were taken.
+  // A recording and the simulator are played no faster than they were taken.
   double waiting_time() {
     if (player_.source().live() || !args_.pace) return 0;
     if (player_.count() <= 1 || resumed_)
       start_ = player_.time() - clock_.seconds(), resumed_ = false;
     const double due = player_.time() + 1 / player_.source().fps() - start_;
-    if (clock_.seconds() > due + 0.2) resumed_ = true;  // too slow to catch up
+    if (clock_.seconds() > due + 0.2) resumed_ = true;  // too late to catch up
     return std::clamp(due - clock_.seconds(), 0.0, 0.5);
   }
 
@@ -164,7 +164,7 @@ class Viewer {
   std::unique_ptr<Interface> interface_;
   bool resumed_ = true;
   Stopwatch clock_;
-  double start_ = 0;  // time of the frames when the clock was at 0
+  double start_ = 0;  // the frames' time when the clock was at 0
 };
 
 }  // namespace

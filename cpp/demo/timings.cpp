@@ -72,7 +72,7 @@ void Timings::print(std::ostream& out) const {
   for (const double s : total->second) sum += s;
   out << std::setprecision(1) << double(total->second.size()) / std::max(sum, 1e-9)
       << " frames/s of processing\n";
-  // The first frames build what is kept.
+  // The first frames are left out, because they build what is kept for later ones.
   const std::size_t first = std::min<std::size_t>(10, shown_.size() / 2), last = shown_.size() - 1;
   if (shown_.size() < 2 || last <= first) return;
   const double frames = double(last - first);

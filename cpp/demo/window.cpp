@@ -12,7 +12,7 @@
 namespace fastibl::demo {
 namespace {
 
-// One triangle that covers the viewport; row 0 of the picture on top.
+// One triangle that covers the viewport, with row 0 of the picture at the top.
 constexpr const char* kVertex = R"(
 out vec2 uv;
 void main() {
@@ -25,8 +25,8 @@ in vec2 uv;
 out vec4 colour;
 void main() { colour = vec4(texture(picture, uv).rgb, 1.0); })";
 
-// The window's context is current only while it draws: a renderer may make one of its own current,
-// and a thread cannot have both GLX's and EGL's.
+// Makes the window's context current only while it draws: a renderer may make one of its own
+// current, and a thread cannot have both a GLX and an EGL context current.
 class Current {
  public:
   explicit Current(GLFWwindow* window) { glfwMakeContextCurrent(window); }
@@ -73,7 +73,7 @@ GLuint link() {
   return program;
 }
 
-// Desktop OpenGL 3.3 where there is such a driver, else OpenGL ES 3.0.
+// Desktop OpenGL 3.3 if there is such a driver, otherwise OpenGL ES 3.0.
 GLFWwindow* open(int width, int height, const std::string& title) {
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
@@ -100,17 +100,18 @@ Window::Window(int width, int height, const std::string& title) {
   glfwSetWindowUserPointer(window_, this);
   glfwSetKeyCallback(window_, [](GLFWwindow* window, int key, int, int action, int) {
     Window& self = *static_cast<Window*>(glfwGetWindowUserPointer(window));
-    self.held_ = action == GLFW_REPEAT;  // letters follow the key that types them
+    self.held_ = action == GLFW_REPEAT;  // the letter's event follows this one
     if (action != GLFW_PRESS) return;
     std::vector<std::string>& keys = self.keys_;
     if (key == GLFW_KEY_ESCAPE) keys.emplace_back("q");
     if (key == GLFW_KEY_F1) keys.emplace_back("h");
     if (key == GLFW_KEY_TAB) keys.emplace_back("tab");
   });
-  // Letters by what they type, not where they lie: keyboards differ.
+  // Letters are told by what they type, not by where their keys lie, since keyboards differ.
   glfwSetCharCallback(window_, [](GLFWwindow* window, unsigned letter) {
     Window& self = *static_cast<Window*>(glfwGetWindowUserPointer(window));
-    // One that is held down steps through a recording, but begins no recording after the other.
+    // A key that is held down may step through a recording, but must not begin one recording after
+    // the other.
     if (self.held_ && letter != 'n' && letter != ',' && letter != '.') return;
     if (letter >= 'A' && letter <= 'Z') letter += 'a' - 'A';
     if (letter < 128) self.keys_.push_back(letter == ' ' ? "space" : std::string(1, char(letter)));
@@ -163,7 +164,7 @@ void Window::set_picture(const std::uint8_t* rgb, int width, int height) {
   picture_width_ = width, picture_height_ = height;
 }
 
-// Window units, of which a fine screen has several pixels.
+// units: window units; a fine screen has several pixels for each.
 int Window::in_pixels(int units) const {
   int width = 0, height = 0, pixels = 0;
   glfwGetWindowSize(window_, &width, &height);

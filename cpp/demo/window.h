@@ -1,4 +1,4 @@
-// A window with a picture, room for an interface, and the keys that were pressed.
+// A window with a picture, room for an interface, and a list of the keys that were pressed.
 #pragma once
 
 #include <cstdint>
@@ -24,27 +24,27 @@ class Window {
 
   // rgb: packed rows, top row first.
   void set_picture(const std::uint8_t* rgb, int width, int height);
-  // The picture fitted into what is right of `left` window units, its aspect kept; then what `over`
-  // draws with the context current.
+  // Shows the picture, fitted with its aspect kept into what is right of `left` window units, and
+  // then what `over` draws with the context current.
   void show(int left, const std::function<void()>& over);
-  // For what else needs the context.
+  // Runs other work that needs the context.
   void with_context(const std::function<void()>& body);
   bool desktop_gl() const { return desktop_gl_; }
   GLFWwindow* handle() const { return window_; }
   void set_size(int width, int height);
   bool closed() const;
   void set_title(const std::string& title);
-  // Handles events, for at most `seconds` where there are none.
+  // Handles events; if there are none, waits for them for at most `seconds`.
   void wait(double seconds);
-  // Keys since the last call: small letters and signs as they are typed, "space", "tab"; "q" for
-  // Escape, "h" for F1.
+  // The keys since the last call: small letters and signs as they are typed, "space" and "tab"; "q"
+  // for Escape, "h" for F1.
   std::vector<std::string> keys();
 
   struct Pixels {
     int width = 0, height = 0;
     std::vector<std::uint8_t> rgb;  // packed, top row first
   };
-  Pixels pixels(int left, const std::function<void()>& over);  // as show() has it
+  Pixels pixels(int left, const std::function<void()>& over);  // as show() shows it
 
  private:
   void draw(int left, int width, int height);  // in pixels
@@ -53,7 +53,7 @@ class Window {
   GLFWwindow* window_ = nullptr;
   unsigned texture_ = 0, program_ = 0, vertex_array_ = 0;
   int picture_width_ = 0, picture_height_ = 0;
-  bool desktop_gl_ = true, held_ = false;  // held_: the key that was pressed last
+  bool desktop_gl_ = true, held_ = false;  // held_: whether the last key is held
   std::vector<std::string> keys_;
 };
 

@@ -15,7 +15,7 @@ cv::Mat mat_of(Image<std::uint8_t>& picture) {
   return {picture.height, picture.width, CV_8UC3, picture.data.data()};
 }
 cv::Scalar scalar(Colour c) { return {double(c.r), double(c.g), double(c.b)}; }
-// Far outside a picture OpenCV's fixed point would overflow.
+// Clamped, because OpenCV's fixed point would overflow far outside a picture.
 cv::Point point(glm::dvec2 p) {
   p = glm::clamp(p, glm::dvec2(-1e4), glm::dvec2(1e4));
   return {int(std::lround(p.x)), int(std::lround(p.y))};
@@ -48,7 +48,7 @@ std::optional<glm::ivec2> Canvas::take(Corner corner, int width, int height) {
   const bool bottom = corner == Corner::bottom_left || corner == Corner::bottom_right;
   const bool right = corner == Corner::top_right || corner == Corner::bottom_right;
   int& used = used_[std::size_t(corner)];
-  const int across = used_[std::size_t(corner) ^ 2];  // of the corner above or below
+  const int across = used_[std::size_t(corner) ^ 2];  // the same in the corner above or below
   if (used + across + height + 2 * kMargin > this->height() || width + kMargin > this->width())
     return std::nullopt;
   used += height + kMargin;
@@ -67,7 +67,7 @@ void Canvas::darken(glm::ivec2 at, int width, int height) {
 
 std::vector<int> Canvas::column_starts(const std::vector<Line>& lines) const {
   std::vector<int> widths;
-  int alone = 0;  // of lines without columns
+  int alone = 0;  // width of the widest line without columns
   for (const Line& line : lines) {
     const std::vector<std::string> cells = cells_of(line.text);
     if (cells.size() == 1) {

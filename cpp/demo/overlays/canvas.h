@@ -1,4 +1,5 @@
-// A picture that overlays share: text, lines, insets, and whose corner is how full.
+// A picture that overlays share: draws text, lines and insets, and keeps how much of each corner is
+// taken.
 #pragma once
 
 #include <array>
@@ -20,7 +21,7 @@ inline constexpr Colour kWhite{}, kGrey{170, 170, 170}, kOrange{255, 160, 0}, kR
 
 enum class Corner { top_left, top_right, bottom_left, bottom_right };
 
-// Tabs begin columns, which stand below each other in a panel.
+// Tabs in the text begin columns, which are aligned in a panel.
 struct Line {
   std::string text;
   Colour colour = kWhite;
@@ -28,17 +29,18 @@ struct Line {
 
 class Canvas {
  public:
-  explicit Canvas(Image<std::uint8_t>& picture);  // RGB; drawn into as long as this is used
+  explicit Canvas(Image<std::uint8_t>& picture);  // RGB; outlives this, which draws into it
 
   int width() const { return picture_.width; }
   int height() const { return picture_.height; }
-  int line_height() const;  // pixels, of text
-  // Characters that fit into a share of the width.
+  int line_height() const;  // of text, in pixels
+  // How many characters fit into that share of the width.
   int columns(double share) const;
 
-  // Upper left corner of the next free place of that size in a corner; nothing where it is full.
+  // Takes the next free place of that size in a corner and returns its upper left corner; nothing
+  // if the corner is too full.
   std::optional<glm::ivec2> take(Corner corner, int width, int height);
-  // Lines of text on a darkened ground; those that find no place are left out.
+  // Draws lines of text on a darkened ground; lines that find no room are left out.
   void panel(Corner corner, const std::vector<Line>& lines);
   // The same in the middle of the picture.
   void sheet(const std::vector<Line>& lines);
@@ -52,13 +54,14 @@ class Canvas {
 
  private:
   int text_width(const std::string& text) const;
-  // Where each column of the lines begins, from the panel's left, and last its width.
+  // Where each column of the lines begins, from the panel's left; the last number is the panel's
+  // width.
   std::vector<int> column_starts(const std::vector<Line>& lines) const;
   void write(glm::ivec2 at, const std::vector<Line>& lines);
 
   Image<std::uint8_t>& picture_;
   double scale_;               // of text
-  std::array<int, 4> used_{};  // pixels of each corner's height
+  std::array<int, 4> used_{};  // height taken in each corner, in pixels
 };
 
 }  // namespace fastibl::demo

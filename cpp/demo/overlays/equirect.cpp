@@ -9,7 +9,7 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr float kUnseen = 0.3f;  // brightness of what no camera saw
+constexpr float kUnseen = 0.3f;  // brightness factor of what no camera saw
 constexpr int kStripe = 3;       // pixels
 
 void draw_bent(Canvas& canvas, const Inset& inset, const std::vector<glm::dvec3>& directions,
@@ -17,7 +17,7 @@ void draw_bent(Canvas& canvas, const Inset& inset, const std::vector<glm::dvec3>
   for (std::size_t k = 0; k + 1 < directions.size(); ++k) {
     const glm::dvec2 a = in_equirect(inset, directions[k]);
     const glm::dvec2 b = in_equirect(inset, directions[k + 1]);
-    if (std::abs(a.x - b.x) < inset.height) canvas.line(a, b, colour);  // not across the seam
+    if (std::abs(a.x - b.x) < inset.height) canvas.line(a, b, colour);  // no line across the seam
   }
 }
 
@@ -40,7 +40,7 @@ glm::dvec2 in_equirect(const Inset& inset, const glm::dvec3& direction) {
 void draw_equirect(Canvas& canvas, const Inset& inset, const CubeMap& map,
                    const std::vector<float>& confidence, double exposure) {
   static const ByteResponse response(Response::srgb());
-  // The level whose texels are as large as the inset's pixels.
+  // The map's level whose texels are as large as the inset's pixels.
   const float level = std::log2(float(2 * map.size()) / float(inset.height));
   for (int y = 0; y < inset.height; ++y)
     for (int x = 0; x < 2 * inset.height; ++x) {
@@ -64,7 +64,7 @@ void draw_field(Canvas& canvas, const Inset& inset, const Camera& camera,
   const glm::dmat3 marker_from_camera = glm::transpose(camera_from_marker.rotation);
   const glm::dvec2 size(camera.width - 2.0, camera.height - 2.0);
   const glm::dvec2 corners[] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}};
-  std::optional<Lens> lens;  // made once: a camera works it out for every ray
+  std::optional<Lens> lens;  // made once: a camera would compute it for every ray
   if (camera.model == CameraModel::perspective) lens.emplace(camera);
   std::vector<glm::dvec3> border;
   for (int side = 0; side < 4; ++side)

@@ -1,4 +1,4 @@
-// Numbers as text, whatever the locale.
+// Numbers as text, the same in every locale.
 #pragma once
 
 #include <algorithm>

@@ -8,8 +8,8 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr std::size_t kMost = 5;  // lights that are told
-constexpr double kLength = 0.12;  // metres, of an arrow
+constexpr std::size_t kMost = 5;  // lights that are listed
+constexpr double kLength = 0.12;  // of an arrow, metres
 
 Colour colour_of(const glm::vec3& light) {
   const glm::vec3 c = light / std::max({light.x, light.y, light.z, 1e-9f});

@@ -10,15 +10,15 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr int kTexels = 32;  // along an edge of the level of a map that is summed
+constexpr int kTexels = 32;  // along a face's edge, at the map's level that is summed
 
-// Irradiance on the table, mean over RGB: to compare maps by.
+// Irradiance on the table, as the mean over RGB: a number to compare maps by.
 double table_light(const CubeMap& map) {
   const glm::dvec3 irradiance = plane_irradiance(fold(map, kTexels));
   return (irradiance.x + irradiance.y + irradiance.z) / 3;
 }
 
-// "turn 40 deg left, 20 deg up".
+// Such as "turn 40 deg left, 20 deg up".
 std::string way(const glm::dvec3& direction, const Pose& camera_from_marker) {
   const glm::dvec3 d = camera_from_marker.rotation * direction;
   const double right = std::atan2(d.x, d.z) / kDegree;
@@ -33,7 +33,7 @@ std::string way(const glm::dvec3& direction, const Pose& camera_from_marker) {
   return text.empty() ? "hold still" : text;
 }
 
-// As narrow as the inset.
+// The lines under the map, as narrow as its inset.
 std::vector<Line> told(const View& view, const NextView& next) {
   const Environment& environment = *view.result.environment;
   std::vector<Line> lines = {

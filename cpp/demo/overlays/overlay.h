@@ -1,4 +1,4 @@
-// What can be drawn over a frame, in a window and without one alike.
+// What can be drawn over a frame, both in a window and without one.
 #pragma once
 
 #include <array>
@@ -11,18 +11,18 @@
 
 namespace fastibl::demo {
 
-// What overlays read; references are valid for the call.
+// What overlays read; the references are valid during the call.
 struct View {
   const Rig& rig;
-  const std::optional<Board>& board;  // that is looked for
+  const std::optional<Board>& board;  // that is tracked
   const OwnedFrame& frame;
   const FrameResult& result;
   Session& session;
   const Timings& timings;
-  const CubeMap* true_light;  // null: not known
+  const CubeMap* true_light;  // null: unknown
 };
 
-// Each takes its own room of the canvas.
+// Each takes its own place on the canvas.
 void draw_pose(Canvas& canvas, const View& view);
 void draw_map(Canvas& canvas, const View& view);
 void draw_lights(Canvas& canvas, const View& view);

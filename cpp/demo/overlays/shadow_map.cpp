@@ -12,7 +12,7 @@ void draw_shadow_map(Canvas& canvas, const View& view) {
   const int size = std::max(8, canvas.height() / 4);
   const auto at = canvas.take(Corner::bottom_left, size, size);
   if (!at) return;
-  // Of the finer map, twice as far: what lies beyond is hardly dark.
+  // Shows twice the finer map's extent: beyond that there is hardly any shadow.
   const float reach = std::min(2 * map.extent, map.reach());
   std::vector<glm::vec2> points;
   for (int k = 0; k < size * size; ++k) {

@@ -10,13 +10,13 @@
 namespace fastibl::demo {
 namespace {
 
-// Of a telephone's sensor, in electrons.
+// Values of a telephone's sensor, in electrons.
 constexpr float kFullWell = 4000, kReadNoise = 6;
 constexpr float kReadVariance = kReadNoise * kReadNoise / (kFullWell * kFullWell);
-constexpr std::size_t kNoise = 1 << 16;  // places from which a row may take its noise
+constexpr std::size_t kNoise = 1 << 16;  // places at which a row's noise may begin
 
-// Directions through any point of the picture, between those of every fourth pixel: within 0.001
-// pixels, and hundreds of times faster than the lens model's inverse.
+// Directions through any point of the picture, interpolated between those of every fourth pixel.
+// That is right within 0.001 pixels, and hundreds of times faster than the lens model's inverse.
 class LensRays {
  public:
   explicit LensRays(const Camera& camera) : width_(camera.width / kStep + 2) {
@@ -44,7 +44,7 @@ class LensRays {
   std::vector<glm::dvec3> known_;
 };
 
-// m (x, y, z) of many.
+// m (x, y, z) for many vectors.
 FASTIBL_CLONES void turn_all(const glm::mat3& m, const float* x, const float* y, const float* z,
                              std::size_t count, float* __restrict to_x, float* __restrict to_y,
                              float* __restrict to_z) {
@@ -56,7 +56,8 @@ FASTIBL_CLONES void turn_all(const glm::mat3& m, const float* x, const float* y,
   }
 }
 
-// Light on a sensor (1: full) to what is read from it: shot and read noise, from standard normals.
+// Turns light on a sensor (1: full) into what is read from it, with shot noise and read noise made
+// from standard normals.
 FASTIBL_CLONES void read_out(float* __restrict values, const float* __restrict noise,
                              std::size_t count) {
   for (std::size_t k = 0; k < count; ++k) {
@@ -88,14 +89,14 @@ Eye::Eye(const Camera& camera) : camera_(camera), response_(camera.response) {
     noise_.push_back(normal(random));
 }
 
-// How much of a pixel is paper, by 2 × 2 points, and of which albedo.
+// How much of a pixel is paper, judged by 2 × 2 points, and with which albedo.
 Page::Paper Eye::paper_at(const Page& page, const glm::vec3& eye, const glm::mat3& turn,
                           std::size_t pixel) const {
   const FourRays& rays = fine_[pixel];
   const auto turned = [&](int c) {
     return turn[0][c] * rays.x + turn[1][c] * rays.y + turn[2][c] * rays.z;
   };
-  const Float4 distance = -eye.z / turned(2);  // below 0 where a ray goes up: far off the page
+  const Float4 distance = -eye.z / turned(2);  // below 0 if a ray goes up: far off the page
   return page.at(eye.x + turned(0) * distance, eye.y + turned(1) * distance);
 }
 
@@ -116,7 +117,7 @@ Image<std::uint8_t> Eye::take(const Room& room, const Page& page, const Pose& ca
              rays.y.data(), rays.z.data());
     room.radiance(eye, rays, light.data());
     for (std::size_t k = 0; k < width; ++k) {
-      const float distance = -eye.z / rays.z[k];  // of the table
+      const float distance = -eye.z / rays.z[k];  // to the table
       const glm::vec2 place(eye.x + rays.x[k] * distance, eye.y + rays.y[k] * distance);
       if (!(rays.z[k] < 0 && std::abs(place.x) < reach.x && std::abs(place.y) < reach.y)) continue;
       const Page::Paper paper = paper_at(page, eye, turn, first + k);

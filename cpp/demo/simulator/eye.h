@@ -1,4 +1,4 @@
-// A simulated camera: from a place's light to the picture that a sensor makes of it.
+// A simulated camera: turns a place's light into the picture that a sensor makes of it.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace fastibl::demo {
 class Eye {
  public:
   explicit Eye(const Camera& camera);
-  // seed: of the sensor's noise. The same arguments give the same bytes.
+  // seed: for the sensor's noise. The same arguments give the same bytes.
   Image<std::uint8_t> take(const Room& room, const Page& page, const Pose& camera_from_marker,
                            double exposure, std::uint32_t seed) const;
 
@@ -25,9 +25,9 @@ class Eye {
 
   Camera camera_;
   ByteResponse response_;
-  Rays rays_;                   // through the middles of pixels
-  std::vector<FourRays> fine_;  // through 2 × 2 points of each
-  std::vector<float> factor_;   // of each pixel: gain and vignetting
+  Rays rays_;                   // through the centres of pixels
+  std::vector<FourRays> fine_;  // through 2 × 2 points of each pixel
+  std::vector<float> factor_;   // for each pixel: gain times vignetting
   std::vector<float> noise_;    // standard normal
 };
 

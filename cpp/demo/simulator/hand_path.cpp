@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kRound = 18;  // seconds
 
-// About −1 to 1, of two waves in Hz.
+// About −1 to 1: the sum of two waves with frequencies in Hz.
 double wave(double time, double first, double second, double phase) {
   const double turn = 2 * std::numbers::pi * time;
   return 0.65 * std::sin(first * turn + phase) + 0.35 * std::sin(second * turn + 2.3 * phase);

@@ -5,8 +5,8 @@
 
 namespace fastibl::demo {
 
-// Around the board again and again, 0.45 to 0.6 m away, tilted from its normal by 25 to 61 degrees:
-// smooth slow sweeps and a small tremor. back_from_marker at a time in seconds.
+// back_from_marker at a time in seconds: around the board again and again, 0.45 to 0.6 m away,
+// tilted from its normal by 25 to 61 degrees, in smooth slow sweeps with a small tremor.
 Pose hand_pose(double time);
 
 }  // namespace fastibl::demo

@@ -9,9 +9,9 @@ namespace fastibl::demo {
 namespace {
 
 constexpr float kPaper = 0.80f, kInk = 0.045f;  // albedo
-constexpr float kDensity = 2000;                // texels a metre
+constexpr float kDensity = 2000;                // texels per metre
 
-// Where in the tag (0 to 1, right and down) a place of the page is.
+// Where a place of the page lies in the tag (0 to 1, right and down).
 glm::dvec2 in_tag(const Tag& tag, const glm::dvec2& place) {
   const glm::dvec2 right = tag.corners[1] - tag.corners[0], down = tag.corners[3] - tag.corners[0];
   const glm::dvec2 off = place - tag.corners[0];
@@ -34,7 +34,7 @@ bool black(const Tag& tag, int border_bits, const glm::dvec2& place) {
 Page::Page(const Board& board)
     : half_(float(board.width / 2), float(board.height / 2)),
       texels_(int(std::lround(board.width * kDensity)), int(std::lround(board.height * kDensity))) {
-  constexpr int kFine = 3;  // points along a texel's edge: borders of tags are anywhere
+  constexpr int kFine = 3;  // points along a texel's edge, since borders of tags lie anywhere
   albedo_.assign(std::size_t(texels_.x) * std::size_t(texels_.y), kPaper);
   const glm::dvec2 step(board.width / texels_.x, board.height / texels_.y);
   for (const Tag& tag : board.tags) {

@@ -10,10 +10,10 @@ namespace fastibl::demo {
 class Page {
  public:
   explicit Page(const Board& board);
-  // Of four places on the table in metres, marker frame.
+  // What is at four places on the table, given in metres in the marker frame.
   struct Paper {
-    float share = 0;   // of them that lie on the page
-    float albedo = 0;  // mean of these
+    float share = 0;   // share of the four that lies on the page
+    float albedo = 0;  // mean over that share
   };
   Paper at(const Float4& x, const Float4& y) const;
   glm::vec2 half_size() const { return half_; }

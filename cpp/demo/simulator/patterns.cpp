@@ -102,7 +102,7 @@ Paint picture_wall(float a, float b) {
 
 Paint window_wall(float a, float b) {
   for (const float left : {0.65f, 3.0f}) {
-    const float x = a - left, y = b - 0.6f;  // of 1.2 m × 1.35 m
+    const float x = a - left, y = b - 0.6f;  // in a window of 1.2 m × 1.35 m
     for (const float side : {-0.38f, 1.32f})
       if (within(x, b, side, 0.1f, side + 0.26f, 2.15f))
         return {glm::vec3(0.58f, 0.31f, 0.03f) * (std::fmod(x - side, 0.052f) < 0.02f ? 0.6f : 1)};

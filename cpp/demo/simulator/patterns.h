@@ -1,4 +1,4 @@
-// How the room's walls are painted: plain functions of a place on them.
+// How the room's walls are painted: plain functions of the place on a wall.
 #pragma once
 
 #include "demo/simulator/surface.h"

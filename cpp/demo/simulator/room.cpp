@@ -12,15 +12,15 @@ namespace {
 
 constexpr glm::vec3 kLower(-2.6f, -2.0f, 0.0f), kUpper(3.4f, 3.0f, 2.6f);  // metres
 constexpr glm::vec2 kTable(0.8f, 0.55f);                                   // half sizes, metres
-constexpr float kTableDensity = 500;                                       // texels a metre
-constexpr int kCells = 12;                  // of irradiance along an edge
-constexpr int kAround = 48, kUpwards = 24;  // directions that are gathered from
+constexpr float kTableDensity = 500;                                       // texels per metre
+constexpr int kCells = 12;                  // cells of irradiance along an edge
+constexpr int kAround = 48, kUpwards = 24;  // directions from which light is gathered
 constexpr int kReflections = 3;
-constexpr glm::vec3 kLamp(0.9f, -2.0f, 1.25f);  // its middle, on the wall y = −2
+constexpr glm::vec3 kLamp(0.9f, -2.0f, 1.25f);  // its centre, on the wall y = −2
 constexpr float kLampRadius = 0.12f;            // metres
 constexpr glm::vec3 kLampRadiance(700, 560, 385);
 
-// Side k of the box; pictures of walls run to the right and up.
+// Side k of the box; the pictures of walls run to the right and up.
 Surface side(int k) {
   const int axis = k / 2;
   const int a = axis == 0 ? 1 : 0, b = axis == 2 ? 1 : 2;
@@ -33,7 +33,7 @@ Surface side(int k) {
   return surface;
 }
 
-// Cosine-weighted around +z, one a cell of equal weight.
+// Cosine-weighted directions around +z, one for each cell of equal weight.
 const std::vector<glm::vec3>& cosine_directions() {
   static const std::vector<glm::vec3> all = [] {
     std::vector<glm::vec3> directions;
@@ -115,7 +115,7 @@ void Room::light() {
 }
 
 Room::Hit Room::leave(const glm::vec3& place, float x, float y, float z) {
-  // To the wall ahead along each axis; infinite where the ray does not move along it.
+  // Distances to the wall ahead along each axis; infinite if the ray does not move along it.
   const float to_x = std::abs((x > 0 ? kUpper.x : kLower.x) - place.x) / std::abs(x);
   const float to_y = std::abs((y > 0 ? kUpper.y : kLower.y) - place.y) / std::abs(y);
   const float to_z = std::abs((z > 0 ? kUpper.z : kLower.z) - place.z) / std::abs(z);
@@ -137,7 +137,7 @@ glm::vec3 Room::sent_by(const Hit& hit, bool lamp) const {
   if (hit.side == 2) {
     const glm::vec2 off(hit.a + kLower.x - kLamp.x, hit.b + kLower.z - kLamp.z);
     if (glm::dot(off, off) < kLampRadius * kLampRadius)
-      return lamp ? kLampRadiance : glm::vec3(0.4f);  // a shade that is lit by the room
+      return lamp ? kLampRadiance : glm::vec3(0.4f);  // a lamp shade, lit by the room
   }
   return radiance_at(sides_[std::size_t(hit.side)], hit.a, hit.b);
 }

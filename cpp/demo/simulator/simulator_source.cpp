@@ -7,13 +7,13 @@
 namespace fastibl::demo {
 namespace {
 
-constexpr glm::vec3 kObject(0, 0, 0.06f);                   // metres: where its middle is
+constexpr glm::vec3 kObject(0, 0, 0.06f);                   // where its centre is, metres
 constexpr int kLightSize = 64;                              // texels along a face of the true map
-constexpr double kFrontSteps[] = {1, 1.0 / 16, 1.0 / 256};  // exposures in turn
-// Means of what the cameras see, of white, as cameras meter.
+constexpr double kFrontSteps[] = {1, 1.0 / 16, 1.0 / 256};  // exposures, used in turn
+// Mean levels of what the cameras see, with white as 1, as cameras meter.
 constexpr double kTableLevel = 0.2, kRoomLevel = 0.18;  // the paper of the board is brighter
 
-// Of 640 pixels' width; c: how far off the middle the axis is.
+// f and c apply to a width of 640 pixels. c: how far off the picture's middle the axis is.
 Camera scaled(int width, int height, glm::dvec2 f, glm::dvec2 c) {
   const double s = width / 640.0;
   Camera camera;
@@ -62,7 +62,7 @@ std::shared_ptr<const CubeMap> SimulatorSource::true_light() {
   return lights_[lamp_];
 }
 
-// Exposures that stay: the lamp shows.
+// Sets exposures that stay as they are, so that switching the lamp on shows.
 void SimulatorSource::meter() {
   const std::shared_ptr<const CubeMap> map = true_light();
   const CubeLevel& level = map->level_at_most(16);
@@ -92,7 +92,7 @@ OwnedFrame SimulatorSource::make(int index, const Room& room) const {
   return frame;
 }
 
-// In a thread of its own, as a camera would: the frame before is worked on meanwhile.
+// Makes a frame in a thread of its own, as a camera would, while the frame before is worked on.
 void SimulatorSource::start(int index) {
   index_ = index;
   coming_ = std::async(std::launch::async,

@@ -1,4 +1,4 @@
-// A rectangle of the room with its picture of albedo, emission and, once lit, radiance.
+// A rectangle of the room with pictures of its albedo, emission and, once lit, radiance.
 #pragma once
 
 #include <functional>
@@ -9,25 +9,25 @@
 
 namespace fastibl::demo {
 
-// Matte; what it sends out is the same from everywhere.
+// It is matte: what it sends out looks the same from everywhere.
 struct Surface {
-  glm::vec3 origin{0}, u{0}, v{0};          // a corner, and unit edges from it
+  glm::vec3 origin{0}, u{0}, v{0};          // a corner, and unit vectors along its edges
   glm::vec3 normal{0};                      // into the room
   glm::vec2 size{0};                        // metres along u and v
-  float density = 100;                      // texels a metre
-  Image<float> albedo, emission, radiance;  // RGB and an unused fourth: a texel is one load
+  float density = 100;                      // texels per metre
+  Image<float> albedo, emission, radiance;  // RGB and an unused fourth channel: a texel is one load
   Image<float> irradiance;                  // coarse, over the whole rectangle
 
   glm::vec3 point(float a, float b) const { return origin + a * u + b * v; }  // a, b: metres
 };
 
-// What a surface is made of at a place in metres along u and v.
+// What a surface is made of at a place, given in metres along u and v.
 struct Paint {
   glm::vec3 albedo{0.5f}, emission{0};
 };
 void paint(Surface& surface, const std::function<Paint(float, float)>& at);
 
-// Bilinear between texel centres, clamped at the border; s and t in texels.
+// Interpolates bilinearly between texel centres and clamps at the border. s and t: in texels.
 inline glm::vec3 look_up(const Image<float>& image, float s, float t) {
   s = glm::clamp(s - 0.5f, 0.0f, float(image.width - 1));
   t = glm::clamp(t - 0.5f, 0.0f, float(image.height - 1));
