@@ -10,11 +10,12 @@ namespace {
 using Entry = PyObject* (*)(PyObject* self, PyObject* const* args, Py_ssize_t count,
                             PyObject* names);
 
-Entry dispatch = nullptr;  // pybind11's, one for all functions of a module
+Entry dispatch = nullptr;  // pybind11's own entry, one for all functions of a module
 
-// What is set is pybind11's error of arguments that do not fit: Python says it in its place.
+// If the error that is set is pybind11's about arguments that do not fit, fastibl's Python side
+// words one in its place.
 void explain(PyObject* const* args, Py_ssize_t count, PyObject* names) {
-  py::error_already_set error;  // takes what is set
+  py::error_already_set error;  // takes over the error that is set
   const std::string message = py::str(error.value());
   if (message.find("The following argument types are supported") == message.npos)
     return error.restore();
@@ -52,7 +53,7 @@ void replace_entry(const py::handle& object) {
     method->ml_meth = reinterpret_cast<PyCFunction>(reinterpret_cast<Any>(&call));
 }
 
-// Of what a module or a class holds.
+// Replaces the entries of all that a module or a class holds.
 void replace_entries(const py::handle& holder) {
   for (const auto& item : py::dict(holder.attr("__dict__"))) {
     const py::handle value = item.second;

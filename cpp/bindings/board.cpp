@@ -91,7 +91,8 @@ to 586.)")
       .def_readonly("border_bits", &Board::border_bits, "Width of the black border in modules.")
       .def_readonly("width", &Board::width, "Page width in metres.")
       .def_readonly("height", &Board::height, "Page height in metres.")
-      // Drawing is Python's (the library reads and writes no files); the class stays one.
+      // Drawing is done in Python, because the library reads and writes no files; the method is
+      // bound here so that there is one class only.
       .def(
           "image",
           [](const py::object& self, double dpi) {

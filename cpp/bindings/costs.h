@@ -11,7 +11,7 @@
 
 namespace fastibl::bindings {
 
-// Those of the names that are there; the rest are the built-in ones.
+// The given costs; names that are missing keep the built-in ones.
 inline Costs costs_from(const std::map<std::string, double>& given) {
   Costs costs;
   for (const auto& [name, value] : given) {

@@ -21,7 +21,7 @@ CubeMap cube_from_array(const py::object& object) {
   return CubeMap(int(array.shape(1)), {vectors(array), std::size_t(array.size() / 3)});
 }
 
-// Zero-copy view of one level; `owner` is kept alive by it.
+// Zero-copy view of one level; it keeps `owner` alive.
 py::array level_view(const CubeMap& cube, int k, const py::object& owner) {
   const CubeLevel& level = cube.level(k);
   const py::ssize_t n = level.size(), t = sizeof(glm::vec3);

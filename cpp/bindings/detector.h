@@ -1,4 +1,4 @@
-// A Python callable as a Detector. The GIL is taken for its call alone.
+// A Python callable as a Detector. The GIL is held only while it is called.
 #pragma once
 
 #include <memory>

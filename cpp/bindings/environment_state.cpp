@@ -38,7 +38,7 @@ MapKnowledge knowledge_from(const std::array<double, 9>& n) {
   return {n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7] != 0, n[8]};
 }
 
-// By tile and texel, (tiles, stride).
+// The times by tile and texel, with shape (tiles, stride).
 py::object times_state(const Environment& e) {
   if (e.last_seen.empty()) return py::none();
   const TileGrid grid = e.radiance.tiles();

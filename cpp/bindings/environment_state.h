@@ -1,4 +1,4 @@
-// What is known of a place's light, as pickles hold it.
+// What is known about a place's light, as pickles hold it.
 #pragma once
 
 #include "bindings/numpy.h"

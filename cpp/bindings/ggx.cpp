@@ -23,7 +23,7 @@ void check_range(const Floats& values, const char* name, float low, float high) 
                             std::to_string(values.data()[i]));
 }
 
-// GGX's alpha of each of `shape`, from the pairs where they are given.
+// GGX's alpha for each element of `shape`, taken from the pairs in `alpha` if they are given.
 std::vector<glm::vec2> alphas(const py::object& roughness, const py::object& anisotropy,
                               const py::object& alpha, std::vector<py::ssize_t> shape) {
   std::vector<glm::vec2> out;

@@ -25,7 +25,7 @@ Floats map_blocks(const Floats& in, F&& f) {
   return out;
 }
 
-// The same, vector by vector.
+// The same, with f called for each vector.
 template <typename F>
 Floats map_vectors(const Floats& in, F&& f) {
   return map_blocks(in, [&](glm::vec3* to, int begin, int end) {
@@ -35,7 +35,7 @@ Floats map_vectors(const Floats& in, F&& f) {
 
 using Settings = std::map<std::string, int>;
 
-// Without a copy: Python's object lives as long as what is returned.
+// Makes no copy: Python's object lives as long as the returned pointer.
 std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
   const CubeMap& cube = object.cast<const CubeMap&>();
   return {&cube, [keep = new py::object(object)](const CubeMap*) {
@@ -63,7 +63,7 @@ CubeMap map_without_lights(const Lighting& lighting) {
   return CubeMap(left.size(), faces);
 }
 
-// A light, and where it is.
+// A light and its position.
 struct PlacedLight : Light {
   std::optional<glm::vec3> position;
   bool operator==(const PlacedLight&) const = default;

@@ -7,14 +7,14 @@
 namespace fastibl::bindings {
 namespace {
 
-enum class Coding { linear, srgb, normal };  // of what 8 bits or the range 0 to 1 mean
+enum class Coding { linear, srgb, normal };  // what 8 bits, or the range 0 to 1, mean
 
 float decoded(float value, Coding coding) {
   if (coding == Coding::srgb) return Response::srgb().decode(value);
   return coding == Coding::normal ? 2 * value - 1 : value;
 }
 
-// A picture (h, w, 3), or (h, w) and (h, w, 1) for one channel: uint8, or float as it is.
+// array: a picture (h, w, 3), or (h, w) or (h, w, 1) for one channel; uint8, or float as it is.
 std::shared_ptr<const SurfaceTexture> texture(const py::array& array, const char* name,
                                               int channels, Coding coding,
                                               const SurfaceTexture::Wraps& wraps) {
@@ -46,7 +46,7 @@ bool is_texture(const py::object& value) {
   return py::isinstance<py::array>(value) && py::reinterpret_borrow<py::array>(value).ndim() >= 2;
 }
 
-// One mode by name, or one along u and another along v.
+// wrap: the name of one mode, or of one along u and another along v.
 SurfaceTexture::Wraps wraps_of(const py::object& wrap) {
   const auto one = [](const py::handle& mode) {
     if (!py::isinstance<py::str>(mode))
@@ -63,7 +63,7 @@ SurfaceTexture::Wraps wraps_of(const py::object& wrap) {
   return {one(both[0]), one(both[1])};
 }
 
-// Of the textures, which have one; two names.
+// The wrap modes of the textures, which share them, as two names.
 py::object wrap_of(const PbrMaterial& m) {
   for (const auto* map :
        {&m.base_color_map, &m.metallic_map, &m.roughness_map, &m.emission_map, &m.normal_map})
@@ -73,7 +73,7 @@ py::object wrap_of(const PbrMaterial& m) {
   return py::make_tuple("repeat", "repeat");
 }
 
-// Either a constant, or a texture beside which the constant becomes 1.
+// Sets either a constant or a texture; with a texture the constant becomes 1.
 void set_colour(const py::object& value, const char* name, glm::vec3& constant,
                 std::shared_ptr<const SurfaceTexture>& map, const SurfaceTexture::Wraps& wraps) {
   if (is_texture(value)) {
@@ -137,7 +137,7 @@ Material pbr(const py::object& base_color, const py::object& metallic, const py:
   return Material::make_pbr(m);
 }
 
-// A property that only one of the two models has: None in the other.
+// Getters for properties that only one of the two models has: None in the other.
 template <typename F>
 auto of_pbr(F&& f) {
   return

@@ -9,7 +9,7 @@ PYBIND11_MODULE(_fastibl, module) {
   namespace py = pybind11;
   module.doc() = "fastibl's C++ core. Import fastibl instead.";
   module.attr("__version__") = FASTIBL_VERSION;
-  // What came is of another type: pybind11 makes it a RuntimeError.
+  // The argument is of another type: without this, pybind11 makes it a RuntimeError.
   py::register_exception_translator([](std::exception_ptr thrown) {
     try {
       if (thrown) std::rethrow_exception(thrown);

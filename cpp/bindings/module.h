@@ -1,4 +1,4 @@
-// What the module is made of; each is in the file of its name.
+// The parts of the module; each is bound in the file of its name.
 #pragma once
 
 #include <pybind11/pybind11.h>

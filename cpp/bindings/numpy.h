@@ -1,5 +1,5 @@
-// The border to NumPy: shape and dtype are checked, any float dtype and stride is converted
-// knowingly, everything else is refused with the name of what came.
+// The border to NumPy: shape and dtype are checked, any float dtype and stride is converted on
+// purpose, and everything else is refused with the name of what was given.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -24,14 +24,14 @@ using Doubles = py::array_t<double, py::array::c_style>;
 
 inline std::string shape_of(const py::array& array) { return py::str(array.attr("shape")); }
 
-// A number of Python's, or one of NumPy's of whatever type.
+// Whether this is a Python number, or a NumPy number of any type.
 inline bool is_number(const py::object& object) {
   return py::isinstance<py::float_>(object) || py::isinstance<py::int_>(object) ||
          py::isinstance(object, py::module_::import("numpy").attr("number"));
 }
 
-// A NumPy array or what NumPy makes a float array of (a list of numbers); bare numbers, integers
-// and objects are refused: TypeError.
+// Takes a NumPy array, or what NumPy turns into a float array (a list of numbers). Bare numbers,
+// integers and objects are refused with a TypeError.
 inline py::array require_array(const py::object& object, const char* name) {
   if (!py::isinstance<py::array>(object)) {
     if (!py::isinstance<py::sequence>(object) || py::isinstance<py::str>(object))
@@ -77,7 +77,7 @@ inline glm::dmat4 require_matrix(const py::object& object, const char* name) {
   return matrix;
 }
 
-// Anything that makes a (3, 3) array; whether it is a rotation is the core's question.
+// Takes anything that makes a (3, 3) array; the core checks whether it is a rotation.
 inline glm::dmat3 require_rotation(const py::object& object, const char* name) {
   const Doubles array = Doubles::ensure(object);
   if (!array || array.ndim() != 2 || array.shape(0) != 3 || array.shape(1) != 3)
@@ -113,9 +113,9 @@ inline glm::vec3* vectors(Floats& array) {
 inline glm::vec3 unit(glm::vec3 v) {
   const glm::vec3 size = glm::abs(v);
   const float most = std::max({size.x, size.y, size.z});
-  if (std::isinf(most)) {  // it was no float before: beside what is infinite all else is 0
+  if (std::isinf(most)) {  // beyond floats: beside what is infinite, all else counts as 0
     for (int c = 0; c < 3; ++c) v[c] = std::isinf(v[c]) ? std::copysign(1.0f, v[c]) : 0.0f;
-  } else if (most > 0 && !(most > 1e-15f && most < 1e15f)) {  // squares of the others are no floats
+  } else if (most > 0 && !(most > 1e-15f && most < 1e15f)) {  // squares would leave the floats
     v /= most;
   }
   const float length = glm::length(v);
@@ -178,7 +178,7 @@ inline Picture require_picture(const py::object& object, const char* name, py::a
   return picture;
 }
 
-// (n, n, …) image owned by a value of C++ is copied out.
+// Copies an (n, n, …) image out that a C++ value owns.
 template <typename T>
 py::array_t<T> image_array(const Image<T>& image) {
   std::vector<py::ssize_t> shape{image.height, image.width};
@@ -188,7 +188,7 @@ py::array_t<T> image_array(const Image<T>& image) {
   return array;
 }
 
-// The other way, of (h, w, channels).
+// The other way: an image from an array (h, w, channels).
 inline Image<float> image_from(const py::object& object, int channels) {
   const Floats array = require_floats<float>(object, "image");
   if (array.ndim() != 3 || array.shape(2) != channels)

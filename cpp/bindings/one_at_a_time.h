@@ -1,4 +1,4 @@
-// Objects that change with calls, from Python's threads.
+// For objects that calls change, and that several of Python's threads may call.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -10,15 +10,15 @@
 
 namespace fastibl::bindings {
 
-// Of the object at an address; some share one, and then wait for each other.
+// The mutex of the object at an address; some objects share one, and then wait for each other.
 inline std::recursive_mutex& mutex_of(const void* address) {
   static std::array<std::recursive_mutex, 64> mutexes;
   return mutexes[(reinterpret_cast<std::uintptr_t>(address) >> 6) * 0x9E3779B97F4A7C15u >> 58];
 }
 
-// Runs f while no other call on the object runs, nor on a part of it that is an object of its own
-// to Python; the interpreter goes on meanwhile. f must not touch Python's objects, but may call
-// what does so with the GIL, which may call the object again.
+// Runs f while no other call runs on the object, nor on a part of it that Python sees as an object
+// of its own. The interpreter goes on meanwhile. f must not touch Python's objects, but may call
+// code that does so with the GIL, and that may call the object again.
 template <typename F>
 auto one_at_a_time(const void* object, const void* part, F&& f) {
   const pybind11::gil_scoped_release release;

@@ -29,7 +29,7 @@ Image<float> require_cells(const py::object& object, const PlaneExchange& exchan
   return image;
 }
 
-// What one light makes of the exchange of a scene's object with the plane.
+// What a scene's object and the plane exchange under one light.
 struct SceneBounce {
   Scene scene;
   PlaneExchange exchange;

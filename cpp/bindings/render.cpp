@@ -28,13 +28,13 @@ std::unique_ptr<Renderer> renderer_named(const std::string& backend) {
   throw py::value_error("backend must be \"auto\", \"cpu\" or \"gl\", got \"" + backend + "\"");
 }
 
-// Its capture is an object of its own to Python.
+// Runs f alone on the session, and on its capture, which Python sees as an object of its own.
 template <typename F>
 auto alone(Session& session, F&& f) {
   return one_at_a_time(&session, &session.capture(), std::forward<F>(f));
 }
 
-// What Python sees of a processed frame; arrays are made when asked for.
+// What Python sees of a processed frame; its arrays are made when asked for.
 struct Result {
   FrameResult frame;
   ShadowMap shadow;

@@ -72,7 +72,7 @@ Floats glossy(SelfShadow& s, const Lighting& lighting, const py::object& eye, do
   return out;
 }
 
-// (v, k) whether the cell of each direction is free, and above the tangent plane.
+// (v, k): whether at each vertex the cell of each direction is free and above the tangent plane.
 py::array_t<bool> visible(const SelfShadow& s, const py::object& directions) {
   const Floats array = require_vectors(directions, "directions");
   if (array.ndim() != 2)

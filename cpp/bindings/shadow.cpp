@@ -69,7 +69,7 @@ ShadowOptions require_options(const std::string& method, int directions, int res
   return options;
 }
 
-// An array that the caller wants results in: itself, not a copy.
+// The array in which the caller wants results: itself, not a copy.
 Floats require_results(const py::object& given, const std::vector<py::ssize_t>& shape) {
   if (!py::isinstance<Floats>(given) || !py::cast<py::array>(given).writeable())
     throw py::type_error("out must be a writeable C-contiguous float32 array");
