@@ -1,5 +1,5 @@
 #version 300 es
-// Back picture times the gain of the plane, the object over it, encoded with the camera's response. Variants:
+// The back picture times the plane's gain, with the object over it, encoded with the camera's response. Variants:
 //   MATTE       1: no back picture; straight alpha, a shadow is black
 //   OBJECT      1: there is an object
 //   SHADOW      1: there is a shadow map and a camera above the plane
@@ -13,10 +13,10 @@
 
 uniform ivec2 corner;        // first pixel of the area that is drawn
 uniform vec4 intrinsics;     // fx fy cx cy
-uniform float exposure;      // times gain
+uniform float exposure;      // exposure times gain
 uniform vec2 levels;         // black and white of the response, as codes
-uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where it ends
-uniform sampler2D guess;     // for each of 4096 equal steps: code at its lower end, and where it ends
+uniform sampler2D response;  // row 0: linear value of each code; row 1: linear value where the code ends
+uniform sampler2D guess;     // for each of 4096 equal steps: code at the step's lower end, and where that code ends
 layout(location = 0) out vec4 picture;
 
 #if !MATTE
@@ -29,7 +29,7 @@ uniform sampler2D linear_back;
 uniform sampler2D object;
 uniform ivec4 object_area;  // first pixel, and one beyond the last
 #if HOLDOUT
-uniform sampler2D holdout;  // what is left of their light times coverage, and coverage
+uniform sampler2D holdout;  // what is left of the real objects' light times coverage, and coverage
 #endif
 #endif
 #if VIGNETTING
@@ -37,10 +37,10 @@ uniform float vignetting[VIGNETTING];
 #endif
 #if SHADOW
 uniform sampler2D ratio_map;
-uniform sampler2D outer_map;  // coarser, around it
-uniform sampler2D fine_map;   // finer, of where a compact light casts its shadow
+uniform sampler2D outer_map;  // coarser, around ratio_map
+uniform sampler2D fine_map;   // finer, where a compact light casts its shadow
 uniform vec3 fine_place;   // centre, extent or 0
-uniform vec4 ratio_place;  // centre, extent, that of the outer map or 0
+uniform vec4 ratio_place;  // centre, extent, the outer map's extent or 0
 uniform vec3 eye;          // marker frame
 uniform mat3 marker_from_camera;
 #if DISTORTION
@@ -111,7 +111,7 @@ float exposure_at(ivec2 pixel) {
 #endif
 }
 
-// The nearest code, as a share of 255: guessed, then settled by the thresholds between codes.
+// The nearest code divided by 255: guessed, then corrected by the thresholds between codes.
 float encode(float linear) {
   linear = linear > 0.0 ? min(linear, 1.0) : 0.0;  // NaN too
   int bin = min(int(linear * 4096.0), 4095);
@@ -156,7 +156,7 @@ void main() {
     vec3 behind = vec3(decode(seen.r), decode(seen.g), decode(seen.b));
 #endif
     vec3 lit = encode(exposure_at(pixel) * o.rgb + (1.0 - o.a) * ratio * behind);
-    // What is beyond the response's levels stays there unless it becomes another code.
+    // A value beyond the response's levels stays there unless it becomes another code.
     picture.rgb = mix(lit, seen, lessThan(abs(lit - clamp(seen, levels.x, levels.y)), vec3(0.5 / 255.0)));
   }
 #endif

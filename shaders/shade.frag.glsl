@@ -9,19 +9,19 @@
 //   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
 //   COLORS       1: the mesh has colours
 //   DISTORTION   1: the camera has a lens model
-//   BOX          1: the walls of a box are seen where they are
-//   HOLDOUT      1: what is left of the light of real objects, instead
+//   BOX          1: the walls of a box are seen at their true places
+//   HOLDOUT      1: gives what is left of the light of real objects instead
 #include "shared/precision.glsl"
 #include "shared/lighting.glsl"
 #include "shared/projection.glsl"
 
-uniform usampler2D visible;       // a triangle's number; the four samples in four quarters
-uniform ivec2 quarter;            // size of one
+uniform usampler2D visible;       // number of a triangle; each of the four samples has a quarter of the texture
+uniform ivec2 quarter;            // size of a quarter
 uniform ivec2 corner;             // first pixel of the area that is drawn
 uniform isampler2D triangles;     // vertices of each triangle
 uniform sampler2D vertices;       // position and normal, one vertex after the other
-uniform sampler2D shares;         // of the irradiance (RGB) and of the glossy light that reach a vertex
-uniform int backs;                // where those of the vertices' backs begin; 0: there are none
+uniform sampler2D shares;         // the shares of the irradiance (RGB) and of the glossy light that reach a vertex
+uniform int backs;                // where the shares of the vertices' backs begin; 0: there are none
 #if COLORS
 uniform int colors;               // where colours begin among the vertices, whose positions and normals come first
 #endif
@@ -40,7 +40,7 @@ uniform vec3 light[9];
 #elif DIFFUSE == 6
 uniform vec3 light[9];
 uniform vec3 lobes[12];
-uniform ivec2 lobe_counts;  // of the first colour, and of both
+uniform ivec2 lobe_counts;  // number of lobes of the first colour, and of both
 uniform vec3 lobe_colours[2];
 #elif DIFFUSE
 uniform vec3 light[6];
@@ -79,10 +79,10 @@ uniform vec3 eye;  // marker frame
 #include "shared/near_light.glsl"
 uniform vec3 map_centre;  // marker frame
 #if BOX
-uniform vec3 box_lower, box_upper;  // from there
+uniform vec3 box_lower, box_upper;  // from map_centre
 #endif
 
-// Where the map shows what is seen from a place in a direction.
+// The direction in which the map shows what is seen from `position` in direction d.
 vec3 looked(vec3 d, vec3 position) {
 #if BOX
   return box_direction(d, position - map_centre, box_lower, box_upper);
@@ -98,7 +98,7 @@ uniform float level;
 #elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 7
 #include "shared/glossy.glsl"
 #include "shared/glossy_chain.glsl"
-uniform float matte_share;  // of exponents below 1
+uniform float matte_share;  // for exponents below 1
 #endif
 #if GLOSSY >= 6
 #include "shared/pbr_maps.glsl"
@@ -176,7 +176,7 @@ vec3 shade(vec3 position, vec4 share, SurfacePoint p) {
 }
 #endif
 
-// Shares of a triangle's corners at a point of the picture, perspective-correct.
+// Weights of a triangle's corners at a point of the picture, perspective-correct.
 vec3 corner_weights(vec3 pa, vec3 pb, vec3 pc, vec2 p) {
   float area = edge(pb.xy - pa.xy, pc.xy - pa.xy);
   vec3 w = vec3(edge(pb.xy - p, pc.xy - p) / area, edge(pc.xy - p, pa.xy - p) / area, 0.0);
@@ -185,13 +185,13 @@ vec3 corner_weights(vec3 pa, vec3 pb, vec3 pc, vec2 p) {
   return w / (w.x + w.y + w.z);
 }
 
-// Of the four samples of a pixel, in 256ths.
+// Places of the four samples in a pixel, in 256ths.
 const vec4 kSampleX = vec4(96.0, 224.0, 32.0, 160.0), kSampleY = vec4(32.0, 96.0, 160.0, 224.0);
 
 #if !HOLDOUT
 uniform float curved_cosine;
 
-// Whether a triangle's normals at its samples of a pixel differ by much of the lobe's width.
+// Whether a triangle's normals, at the samples of a pixel that it covers, differ by much of the lobe's width.
 bool is_curved(mat3 n, vec3 pa, vec3 pb, vec3 pc, vec2 pixel, bvec4 same) {
   if (min(min(dot(n[0], n[1]), dot(n[1], n[2])), dot(n[2], n[0])) >= curved_cosine) return false;
   vec3 at[4];
@@ -212,7 +212,7 @@ void main() {
                       texelFetch(visible, local + ivec2(quarter.x, 0), 0).r,
                       texelFetch(visible, local + ivec2(0, quarter.y), 0).r,
                       texelFetch(visible, local + quarter, 0).r);
-  // From 2^31 on they number the triangles of real objects.
+  // Numbers from 2^31 on are those of the triangles of real objects.
   uvec4 real = shown >> 31u;
 #if HOLDOUT
   shown = (shown & 0x7fffffffu) * real;
@@ -221,7 +221,7 @@ void main() {
 #endif
   bvec4 left = notEqual(shown, uvec4(0u));
   layer = vec4(0.0);
-  // Once a triangle, at the middle of the samples that it covers; at each of them where it is curved.
+  // Shades once per triangle, at the middle of the samples that it covers, or at each of them where it is curved.
   while (any(left)) {
     uint number = left.x ? shown.x : left.y ? shown.y : left.z ? shown.z : shown.w;
     bvec4 same = equal(shown, uvec4(number));
@@ -250,7 +250,7 @@ void main() {
 #endif
     vec3 w = corner_weights(pa, pb, pc, p);
     vec3 at = w.x * a + w.y * b + w.z * c;
-    // In the picture, y down, a triangle seen from outside runs clockwise: its area is negative.
+    // As y points down in the picture, a triangle seen from outside runs clockwise: its area is negative.
     bool behind = edge(pb.xy - pa.xy, pc.xy - pa.xy) > 0.0;
     ivec3 of = behind ? index + backs : index;
     vec4 share = w.x * texelFetch(shares, texel(of.x), 0) + w.y * texelFetch(shares, texel(of.y), 0) +
@@ -274,7 +274,7 @@ void main() {
     vec4 t = w.x * texelFetch(tangents, texel(index.x), 0) + w.y * texelFetch(tangents, texel(index.y), 0) +
              w.z * texelFetch(tangents, texel(index.z), 0);
     t = vec4(marker_from_object * t.xyz, t.w < 0.0 ? -1.0 : 1.0);
-    if (behind) t = -t;  // what is a bump is a dent from here
+    if (behind) t = -t;  // from behind a bump is a dent
     mat3x2 uv = mat3x2(texelFetch(uvs, texel(index.x), 0).xy, texelFetch(uvs, texel(index.y), 0).xy,
                        texelFetch(uvs, texel(index.z), 0).xy);
     vec2 here = uv * w;

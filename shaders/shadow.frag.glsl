@@ -9,8 +9,8 @@ uniform float texels;        // along an edge of the map
 uniform float face_size;     // of the cube map
 uniform vec3 inverse_irradiance;  // 1 / E(z); 0 where a channel has no light
 uniform int count;
-// Two rows: (x, y, z, r^2), then (z^2 - r^2, look-up z, 1 where part lies below the horizon). From the
-// map's centre, in half edges of the map, so that no metre overflows.
+// Two rows: (x, y, z, r^2), then (z^2 - r^2, look-up z, 1 if part of the sphere lies below the horizon). Measured from
+// the map's centre in half edges of the map, so that no length in metres overflows.
 uniform sampler2D spheres;
 layout(location = 0) out vec4 ratio;
 

@@ -9,20 +9,20 @@
 struct GgxLobe {
   vec3 view;
   vec2 alpha;
-  vec2 axis;        // of r, along which the lobe is longest in the space of directions
-  float spread;     // 0: round, all taps share one direction; 1: each tap at its own part's middle
+  vec2 axis;        // in the space of r, along which the lobe is longest in the space of directions
+  float spread;     // 0: round, all taps share one direction; 1: each tap is at its own part's middle
   float narrow;     // half the lobe's width across, radians
   float view_size;  // |A v|
 };
 
-// view: unit, may be below the horizon by interpolation; it is lifted to it.
+// view: unit; interpolation may have put it below the horizon, and then it is lifted to the horizon.
 FN GgxLobe ggx_lobe(vec3 view, vec2 alpha) {
   GgxLobe lobe;
   lobe.view = normalize(vec3(view.x, view.y, max(view.z, 1e-3f)));
   lobe.alpha = alpha;
   lobe.view_size = ggx_size(lobe.view, alpha);
-  // Near the mirror direction a slope in the plane of incidence turns l by twice as much, one across it by twice
-  // times cos θ_v: r is stretched by A (v_z² + v vᵀ) A, whose eigenvectors are the lobe's axes.
+  // Near the mirror direction a slope in the plane of incidence turns l by twice its size, and one across that plane by
+  // twice its size times cos θ_v. So r is stretched by A (v_z² + v vᵀ) A, whose eigenvectors are the lobe's axes.
   vec3 v = lobe.view;
   float xx = alpha.x * alpha.x * (v.z * v.z + v.x * v.x);
   float yy = alpha.y * alpha.y * (v.z * v.z + v.y * v.y);
@@ -33,15 +33,15 @@ FN GgxLobe ggx_lobe(vec3 view, vec2 alpha) {
   float turn = radius > 1e-6f * middle ? apart / radius : 1.0f;  // cosine of twice the angle
   lobe.axis = vec2(sqrt(max(0.5f + 0.5f * turn, 0.0f)), sqrt(max(0.5f - 0.5f * turn, 0.0f)));
   if (xy < 0.0f) lobe.axis.y = -lobe.axis.y;
-  // Where both axes are alike, their direction means nothing: the taps then share one direction and differ in width,
-  // so that nothing jumps where the axes turn or swap. 0.4: best on four of seven maps.
+  // Where both axes are equally long, their directions mean nothing: the taps then share one direction and differ in
+  // width, so that nothing jumps where the axes turn or swap. 0.4: best on four of seven maps.
   float ratio = sqrt(max(middle - radius, 0.0f) / (middle + radius));
   lobe.spread = clamp((1.0f - ratio) / 0.4f, 0.0f, 1.0f);
   lobe.narrow = sqrt(max(middle - radius, 0.0f));
   return lobe;
 }
 
-// Light direction of r = x axis + y (axis turned by 90°), times q, and q.
+// For r = x axis + y (axis turned by 90°): the light direction times q (x y z), and q (w).
 FN vec4 ggx_slope(GgxLobe lobe, float x, float y) {
   float sx = lobe.alpha.x * (x * lobe.axis.x - y * lobe.axis.y);
   float sy = lobe.alpha.y * (x * lobe.axis.y + y * lobe.axis.x);
@@ -54,7 +54,8 @@ FN vec4 ggx_slope(GgxLobe lobe, float x, float y) {
   return vec4(q * l.x, q * l.y, q * l.z, q);
 }
 
-// Of the directions whose slopes r fill `area`, around l, surface's frame: dl = 4 (v·h) dh, dh = (n·h)³ ds.
+// Solid angle of the directions around l, in the surface's frame, whose slopes r fill `area`: dl = 4 (v·h) dh, dh =
+// (n·h)³ ds.
 FN float ggx_solid_angle(GgxLobe lobe, vec3 l, float area) {
   vec3 sum = vec3(l.x + lobe.view.x, l.y + lobe.view.y, l.z + lobe.view.z);  // h times 2 v·h
   float size = sqrt(dot(sum, sum));
@@ -62,8 +63,9 @@ FN float ggx_solid_angle(GgxLobe lobe, vec3 l, float area) {
   return 2.0f * size * lobe.alpha.x * lobe.alpha.y * area * up * up * up;
 }
 
-// Where part k of `count` of the lobe begins along its axis: x = sinh(u) in equal steps of u, since the lobe's width
-// across the axis grows with √(1 + x²), as do then the parts. Given as x/√(1 + x²) = tanh(u); the last ends at 1.
+// Where part k of the lobe's `count` parts begins along its axis. The parts are equal steps of u, with x = sinh(u),
+// because the lobe's width across the axis grows with √(1 + x²), and so do the parts then. Given as x/√(1 + x²) =
+// tanh(u); the last part ends at 1.
 FN float ggx_begin(int k, int count) {
   if (k <= 0) return -1.0f;
   if (k >= count) return 1.0f;
@@ -71,8 +73,8 @@ FN float ggx_begin(int k, int count) {
   return tanh(top * (2.0f * float(k) / float(count) - 1.0f));
 }
 
-// Energy of the part between two such bounds (w), and its first moment (x y z): two Gauss–Legendre nodes along, and
-// across three of Gauss–Chebyshev (second kind) at −1, 0 and 1 widths.
+// Energy of the part between two such bounds (w), and its first moment (x y z): by two Gauss–Legendre nodes along the
+// axis and, across it, three Gauss–Chebyshev nodes (second kind) at −1, 0 and 1 widths.
 FN vec4 ggx_part(GgxLobe lobe, float begin, float end) {
   vec4 sum = vec4(0.0f);
   for (int i = 0; i < 2; ++i) {
@@ -86,23 +88,23 @@ FN vec4 ggx_part(GgxLobe lobe, float begin, float end) {
   return 0.25f * (end - begin) * sum;
 }
 
-// Direction of the whole lobe from the sum of its parts; the mirror's where nothing is reflected.
+// Direction of the whole lobe from the sum of its parts; the mirror direction if nothing is reflected.
 FN vec3 ggx_centre(vec4 sum, vec3 view) {
   vec3 moment = vec3(sum.x, sum.y, sum.z);
   return normalize(sum.w > 1e-12f ? moment : vec3(-view.x, -view.y, max(view.z, 1e-3f)));
 }
 
-// Unit direction of a part's tap (x y z), and the standard deviation in radians along each axis that the map is to be
-// blurred with there (w). 1.2: the three nodes leave out the tails. It is that of the lobe across at least: a part of
-// which the horizon leaves one node has no width of its own.
+// Unit direction of a part's tap (x y z), and the standard deviation, in radians along each axis, by which the map is
+// to be blurred there (w). 1.2: the three nodes leave out the tails. The deviation is at least that of the lobe across
+// its axis, because a part of which the horizon leaves one node has no width of its own.
 FN vec4 ggx_tap(GgxLobe lobe, vec4 part, vec3 centre) {
   vec3 mean = part.w > 1e-12f ? vec3(part.x, part.y, part.z) / part.w : centre;
   vec3 d = normalize((1.0f - lobe.spread) * centre + lobe.spread * normalize(mean));
   return vec4(d.x, d.y, d.z, 1.2f * sqrt(max(1.0f - dot(mean, d), lobe.narrow * lobe.narrow)));
 }
 
-// MIP level whose trilinear look-up blurs by this standard deviation: half a texel (a box and a tent), where a texel
-// is the root of the mean solid angle.
+// MIP level whose trilinear look-up blurs by this standard deviation, which is half a texel (a box and a tent); a
+// texel's width is the root of the mean solid angle.
 FN float blur_level(float face_size, float width) {
   return log2(max(width * face_size / 0.7236012f, 1.0f));
 }

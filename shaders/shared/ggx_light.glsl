@@ -1,6 +1,6 @@
-// What a GGX lobe has of a light, for C++ (through scene/shared_formulas.h, and eight at once in scene/ggx_kernel.inl)
-// and GLSL ES 3.00. All vectors are in the frame of tangent, bitangent and normal; alpha is (alpha_x, alpha_y) along the
-// first two. See shared/ggx.glsl for the lobe.
+// What a GGX lobe reflects of a light, for C++ (through scene/shared_formulas.h, and eight at once in
+// scene/ggx_kernel.inl) and GLSL ES 3.00. All vectors are in the frame of tangent, bitangent and normal; alpha is
+// (alpha_x, alpha_y) along the first two. See shared/ggx.glsl for the lobe.
 
 // |A w|
 FN float ggx_size(vec3 w, vec2 alpha) {
@@ -22,18 +22,20 @@ FN vec3 any_across(vec3 h, float part) {
 
 // The lobe D G2 / (4 n·v) towards l, averaged over a round light of this variance (radians², along each axis) around l.
 // view_size: |A v|.
-// Slopes over alpha are stereographic coordinates: a sphere's area there has the density of GGX's r, so that of a disc of
-// squared radius R², its middle at r, the average is that of a cap, 2/(π w (w + k)), k = 1 + r² − R², w² = k² + 4 R².
-// In slopes a light has half its radius in the plane of v and l, and half over v·h across it (the Jacobian of
-// reflection): it is a disc of the shorter axis, and the lobe is wider along the longer one. R² is such that the middle
-// of the lobe is exact.
+// Slopes divided by alpha are stereographic coordinates: areas on the sphere have the density of GGX's r there. So the
+// average over a disc of squared radius R² with its middle at r is that over a cap, 2/(π w (w + k)), with k = 1 + r² −
+// R², w² = k² + 4 R².
+// In slopes a light has half its radius in the plane of v and l, and half of it over v·h across that plane (the
+// Jacobian of reflection). It is taken as a disc of the shorter axis, and the lobe is widened along the longer one. R²
+// is such that the middle of the lobe is exact.
 FN float ggx_light(vec3 v, vec2 alpha, float view_size, vec3 l, float variance) {
   vec3 h = l + v;
   h.z = h.z + 1e-6f;
   h = normalize(h);
   float hz = max(h.z, 1e-3f);
   float vh = max(dot(v, h), 5e-2f);
-  // Across the plane of v and l; any where there is none. Without a branch, for loops over lights.
+  // The direction across the plane of v and l; any direction if there is no plane. Without a branch, for loops over
+  // lights.
   vec3 q = cross(v, l);
   q = q + any_across(h, step(dot(q, q), 1e-10f));
   q = q * (1.0f / sqrt(max(dot(q, q), 1e-20f)));
@@ -45,7 +47,7 @@ FN float ggx_light(vec3 v, vec2 alpha, float view_size, vec3 l, float variance) 
   float xx = variance * (p.x * p.x + qx * qx);
   float yy = variance * (p.y * p.y + qy * qy);
   float xy = variance * (p.x * p.y + qx * qy);
-  // Squares of the light's axes over the lobe's.
+  // Squares of the light's axes divided by those of the lobe's.
   float sum = 0.5f * (xx / ax + yy / ay);
   float product = max(xx * yy - xy * xy, 0.0f) / (ax * ay);
   float longer = sum + sqrt(max(sum * sum - product, 0.0f));
@@ -64,7 +66,8 @@ FN float ggx_light(vec3 v, vec2 alpha, float view_size, vec3 l, float variance) 
   return d * 0.5f * up / max(v.z * ggx_size(l, alpha) + up * view_size, 1e-12f);
 }
 
-// (1 − v·h)^5 of unit vectors, h half-way from v to l. Never quite 0 nor 1, so that there is an average of each weight.
+// (1 − v·h)^5 for unit vectors, with h half-way from v to l. Never quite 0 or 1, so that an average with each weight
+// exists.
 FN float ggx_edge(vec3 l, vec3 v) {
   float x = 1.0f - sqrt(clamp(0.5f + 0.5f * dot(l, v), 0.0f, 1.0f));
   float x2 = x * x;

@@ -1,6 +1,6 @@
 // Glossy lobes (n·h)^s max(n·l, 0), for C++ (through scene/shared_formulas.h) and GLSL ES 3.00.
 
-// e^{-x} for x in [0, 32], below 1e-13 beyond: no library call, so that loops over it are vectorised.
+// e^{-x} for x in [0, 32], below 1e-13 beyond. It calls no library, so that loops over it are vectorised.
 FN float falling_exponential(float x) {
   float y = min(x, 32.0f) * (1.0f / 64.0f);
   float e = 1.0f + y * (-1.0f + y * (0.5f + y * (-1.0f / 6.0f + y * (1.0f / 24.0f - y * (1.0f / 120.0f)))));
@@ -26,9 +26,9 @@ FN float soft_positive(float x, float radius) {
   return x < radius ? t * t / (4.0f * radius) : x;
 }
 
-// Mean of the lobe over a light of this variance (radians², along each axis) around l: its Gaussian
-// in the plane of half vectors widened by the light's, which reaches there halved along the plane of
-// v and l and divided by 2 v·h across it (the Jacobian of reflection).
+// Mean of the lobe over a light of this variance (radians², along each axis) around l. The lobe's Gaussian in the plane
+// of half vectors is widened by the light's, whose width there is halved along the plane of v and l and divided by 2
+// v·h across it (the Jacobian of reflection).
 FN float light_lobe(float s, float variance, vec3 n, vec3 v, vec3 l) {
   vec3 sum = l + v;
   float inverse = 1.0f / sqrt(max(dot(sum, sum), 1e-12f));
@@ -44,31 +44,31 @@ FN float light_lobe(float s, float variance, vec3 n, vec3 v, vec3 l) {
          soft_positive(dot(n, l), 1.5f * sqrt(variance));
 }
 
-// Share of a light that look-ups between levels k and k + 1 do not hold, `part` of them from the second; light_level:
-// where the light's own width lies.
+// Share of a light that look-ups between levels k and k + 1 do not hold. part: the second level's share of the look-up.
+// light_level: where the light's own width lies.
 FN float light_share_between(float k, float part, float light_level) {
   float fine = min(k, 1.0f) * clamp(k - light_level, 0.0f, 1.0f);  // level 0 holds all of them
   float coarse = clamp(k + 1.0f - light_level, 0.0f, 1.0f);
   return fine + part * (coarse - fine);
 }
-// The same at a level.
+// The same for a look-up at `level`.
 FN float light_share(float level, float light_level) {
   float k = min(floor(level), 6.0f);
   return light_share_between(k, level - k, light_level);
 }
 
-// How much a look-up sees of a light, up to a factor: both round, with spreads (standard deviations squared) that are
-// summed here; rather too much far from each other.
+// How much of a light a look-up sees, up to a factor. Both are round, and `spread` is the sum of their spreads
+// (standard deviations squared). The result is rather too large when they are far from each other.
 FN float seen_by_tap(vec3 direction, vec3 l, float spread) {
   float off = spread + 1.0f - dot(direction, l);
   return spread / (off * off);
 }
 
-// Where the tables of lobes are read, in columns: 0 at normal incidence, 16 at grazing.
+// The column at which the tables of lobes are read: 0 at normal incidence, 16 at grazing.
 FN float lobe_column(float cosine) { return 16.0f * sqrt(clamp(1.0f - cosine, 0.0f, 1.0f)); }
 
-// Radiance under a round lobe around d, from spherical harmonics up to order 4 whose constants are
-// folded in: band l is multiplied with component l − 1. Never negative.
+// Radiance under a round lobe around d, from spherical harmonics up to order 4 whose constants are folded in: band l is
+// multiplied by component l − 1 of `bands`. Never negative.
 FN vec3 harmonics_radiance(const vec3 c[25], vec3 d, vec4 bands) {
   float x2 = d.x * d.x;
   float y2 = d.y * d.y;

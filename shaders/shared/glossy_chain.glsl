@@ -1,6 +1,5 @@
-// Glossy light from the chain of round lobes, its lights and spherical harmonics: as
-// scene/glossy.cpp. Needs shared/radiance.glsl, shared/glossy.glsl,
-// shared/placed_light.glsl, and looked() of shade.frag.glsl.
+// Glossy light from the chain of round lobes, its lights and spherical harmonics: the same as scene/glossy.cpp. Needs
+// shared/radiance.glsl, shared/glossy.glsl, shared/placed_light.glsl, and looked() of shade.frag.glsl.
 uniform samplerCube chain;       // levels 2 ... 7
 uniform samplerCube first_lobe;  // level 1; level 0 is the map itself
 uniform sampler2D lobe_table;    // rows: 4 taps, direction and integral, bands, spreads; columns: lobe_column()
@@ -19,7 +18,7 @@ vec3 chain_level(vec3 d, float k) {
   return textureLod(chain, d, k - 2.0).rgb;
 }
 
-// Its two levels are blended here: drivers round the blend to a few bits.
+// The two levels are blended here, because drivers round the blend to a few bits.
 vec3 sample_chain(vec3 d, float level) {
   float k = floor(level);
   vec3 fine = chain_level(d, k), coarse = chain_level(d, min(k + 1.0, 7.0));

@@ -1,4 +1,4 @@
-// OpenCV's lens model: distorted from ideal position on the plane z = 1.
+// OpenCV's lens model: the distorted from the ideal position on the plane z = 1.
 // k: k1 k2 p1 p2 k3 k4 k5 k6.
 FN REAL2 distort(REAL2 p, const REAL k[8]) {
   REAL q = p.x * p.x + p.y * p.y;

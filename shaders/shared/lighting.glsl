@@ -74,7 +74,7 @@ FN vec3 six_face_irradiance(const vec3 face[6], vec3 n) {
   return sum;
 }
 
-// The same with the exact weights; n along the s, t and major axis of each face.
+// The same with the exact weights, which take n along the s, t and major axes of each face.
 FN vec3 exact_face_irradiance(const vec3 face[6], REAL3 n) {
   vec3 sum = float(exact_face_weight(REAL3(-n.z, -n.y, n.x))) * face[0];
   sum += float(exact_face_weight(REAL3(n.z, -n.y, -n.x))) * face[1];
@@ -91,10 +91,10 @@ FN vec3 sh9_polynomial(const vec3 c[9], vec3 n) {
          c[6] * (3.0f * n.z * n.z - 1.0f) + c[7] * (n.x * n.z) + c[8] * (n.x * n.x - n.y * n.y);
 }
 
-// Never negative: ringing of a small bright light dips below 0 on the far side.
+// Never negative: the ringing of a small bright light would dip below 0 on the far side.
 FN vec3 sh9_irradiance(const vec3 c[9], vec3 n) { return max(sh9_polynomial(c, n), 0.0f); }
 
-// The same with lights as lobes of two colours: `first` lobes of the first one.
+// The same with lights added as lobes of two colours; the first `first` lobes have the first colour.
 FN vec3 lobes_irradiance(const vec3 c[9], const vec3 axes[12], int first, int count,
                          const vec3 colours[2], vec3 n) {
   float one = 0.0f;
@@ -104,8 +104,8 @@ FN vec3 lobes_irradiance(const vec3 c[9], const vec3 axes[12], int first, int co
   return max(sh9_polynomial(c, n) + one * colours[0] + other * colours[1], 0.0f);
 }
 
-// Unit tangent along the plane of incidence; where the view is along the normal, any that does not
-// jump at a cube's edge.
+// Unit tangent along the plane of incidence. If the view is along the normal, it is any tangent that does not jump at a
+// cube's edge.
 FN vec3 incidence_tangent(vec3 n, vec3 v) {
   const vec3 axis = vec3(0.36f, 0.48f, 0.8f);
   vec3 t = v - dot(v, n) * n + 1e-5f * (axis - dot(axis, n) * n);
@@ -113,15 +113,15 @@ FN vec3 incidence_tangent(vec3 n, vec3 v) {
   return size > 1e-12f ? t / size : vec3(0.8f, -0.6f, 0.0f);
 }
 
-// How far taps much finer than a texel read that texel alone: 0 for lobes narrower than texels,
-// which blend between them as a mirror does.
+// To what degree taps much finer than a texel read that texel alone: 0 for lobes narrower than texels, which blend
+// between texels as a mirror does.
 FN float sampled_texel_share(float exponent, float face_size) {
   float texels = 2.0f / sqrt(exponent + 1.0f) * face_size / 1.57079633f;  // the lobe's deviation
   return clamp(2.0f * texels - 1.0f, 0.0f, 1.0f);
 }
 
-// Standard deviation of level 0 of the chain of round lobes along each axis, radians: a texel of the
-// map read bilinearly has half its width.
+// Standard deviation of level 0 of the chain of round lobes, along each axis in radians: a texel of the map that is
+// read bilinearly has half its width.
 FN float own_lobe_width(float face_size) {
   return min(0.78539816f / face_size, 0.5f * 0.022097087f);
 }

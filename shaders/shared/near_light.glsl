@@ -1,8 +1,8 @@
-// What is near: irradiance by lights of shared/placed_light.glsl, and walls. Needs shared/sphere_cap.glsl.
+// Near things: irradiance by lights of shared/placed_light.glsl, and walls. Needs shared/sphere_cap.glsl.
 
-// Irradiance on a surface with normal n by a sphere of even radiance, of which it may see a part only, by what a
-// surface that faces it at the map's centre gets. sin_radius: sine of its angular radius there, above 0. Inside of it
-// the arrow is shorter than that: its radiance comes from half of all directions.
+// Irradiance on a surface with normal n by a sphere of even radiance, of which the surface may see a part only; divided
+// by what a surface that faces the sphere at the map's centre gets. sin_radius: sine of the sphere's angular radius
+// there, above 0. Inside the sphere the arrow is shorter than that: its radiance comes from half of all directions.
 FN float near_irradiance(vec3 arrow, float sin_radius, vec3 n) {
   float length2 = max(dot(arrow, arrow), 1e-12f);
   float own2 = sin_radius * sin_radius;
@@ -11,8 +11,8 @@ FN float near_irradiance(vec3 arrow, float sin_radius, vec3 n) {
   return cap_projected_solid_angle(cosine, sin2, 1.0f - sin2) / (3.14159265f * own2);
 }
 
-// The direction from the centre of a box to what a ray d from a place in it meets; the box and the place are given from
-// its centre. d from outside.
+// The direction from the centre of a box to the point that a ray d from a place in the box meets; the box and the place
+// are given relative to its centre. The result is d if the place is outside the box.
 FN float wall_distance(float d, float lower, float upper, float offset) {
   float wall = (d > 0.0f ? upper : lower) - offset;
   return abs(d) > 1e-6f ? wall / d : 1e6f;

@@ -1,4 +1,4 @@
-// What a pbr material is at a point of the surface, and the light it reads: GLSL's side of shading/shade.cpp and
+// A pbr material at a point of the surface, and the light that it reads: GLSL's side of shading/shade.cpp and
 // scene/ggx.cpp. Needs shared/radiance.glsl, and for GLOSSY 7 shared/glossy_chain.glsl.
 #include "shared/ggx_light.glsl"
 #include "shared/ggx.glsl"
@@ -8,11 +8,11 @@
 uniform float face_size;
 #endif
 #include "shared/material.glsl"
-uniform sampler2D tangents;  // of the vertices; w: the side of n x t on which v grows
+uniform sampler2D tangents;  // of the vertices; w: on which side of n x t v grows
 uniform sampler2D uvs;
 uniform vec3 base_color, emission;
 uniform float metallic, roughness, normal_scale, anisotropy;
-uniform vec2 turn;  // of the rougher direction from the tangent
+uniform vec2 turn;  // of the rougher direction, away from the tangent
 uniform sampler2D base_color_map, metallic_map, roughness_map, emission_map, normal_map;
 uniform sampler2D ggx_albedo;  // rows of cosines: each roughness, for the first azimuth, then the next
 uniform int albedo_azimuths;
@@ -31,7 +31,7 @@ mat3 frame_around(vec3 n, vec3 tangent) {
   return mat3(cross(across, n), across, n);
 }
 
-// Trilinear, its two levels blended here, as in radiance.glsl.
+// Trilinear; its two levels are blended here, as in radiance.glsl.
 vec3 read_map(sampler2D map, vec2 uv, vec2 dx, vec2 dy) {
   vec2 size = vec2(textureSize(map, 0));
   float top = floor(log2(max(size.x, size.y)));
@@ -104,14 +104,14 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, o
   return albedo.x * front;
 }
 #else
-// GgxOptions::for_shading.
+// As GgxOptions::for_shading.
 #if ANISOTROPIC
 const int kTaps = 16;
 #else
 const int kTaps = 8;
 #endif
 
-// GgxLight of the map: the light of the lobe times 1 - e, and edge, of it times e = (1 - v.h)^5.
+// GgxLight of the map: returns the light of the lobe times 1 - e; edge: that times e = (1 - v.h)^5.
 vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, out vec3 edge) {
   GgxLobe lobe = ggx_lobe(view, alpha);
   vec4 parts[kTaps];

@@ -1,12 +1,12 @@
-// Lights that are near, as they are seen from places beside the map's centre: a light at centre + direction / rho is
-// seen along direction - rho (place - centre), whose length is its distance by that from the centre. rho = 0 is a
-// distant light.
+// Near lights as they are seen from places beside the map's centre. A light at centre + direction / rho is seen along
+// direction - rho (place - centre); the length of that is the light's distance divided by its distance from the centre.
+// rho = 0 is a distant light.
 
-// Towards the light; its length is its distance, by that from the centre.
+// A vector towards the light; its length is the light's distance divided by that from the centre.
 FN vec3 near_arrow(vec3 direction, float rho, vec3 offset) { return direction - rho * offset; }
 
-// A light of the glossy chain from there: radiance summed over its solid angle grows by `gain`, its variance (along
-// each axis, radians squared) with it, but to no more than that of a light all around.
+// A light of the glossy chain seen from such a place. Its radiance summed over its solid angle grows by `gain`, and so
+// does its variance (along each axis, radians squared), but to no more than that of a light all around.
 struct PlacedLight {
   vec3 direction;
   float variance;

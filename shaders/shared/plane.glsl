@@ -16,8 +16,8 @@ FN float shadow_keep(vec2 p, float n) {
   return t * t * (3.0f - 2.0f * t);
 }
 
-// Alpha of a black that darkens what is behind by these ratios: one for three channels, by Rec. 709
-// luminance. It can only darken; what the object adds to the plane is left out.
+// Alpha of a black that darkens what is behind it by these ratios: one alpha for three channels, by
+// Rec. 709 luminance. It can only darken; light that the object adds to the plane is left out.
 FN float shadow_alpha(vec3 ratio) {
   return max(1.0f - dot(ratio, vec3(0.2126f, 0.7152f, 0.0722f)), 0.0f);
 }

@@ -1,4 +1,4 @@
-// What the shared formulas are written in, for GLSL ES 3.00.
+// The names that the shared formulas are written with, for GLSL ES 3.00.
 precision highp float;
 precision highp int;
 precision highp sampler2D;

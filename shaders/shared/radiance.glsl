@@ -3,7 +3,7 @@ uniform samplerCube radiance;
 uniform float radiance_scale;  // stored values times this are radiance
 uniform float top_level;       // of the chain
 
-// Trilinear, its two levels blended here: drivers round the blend to a few bits, or skip parts of it.
+// Trilinear; its two levels are blended here, because drivers round the blend to a few bits, or skip parts of it.
 vec3 sample_radiance(vec3 direction, float level) {
   float clamped = clamp(level, 0.0, top_level);
   float k = floor(clamped);

@@ -1,5 +1,5 @@
-// Glossy light by filtered samples: as scene/sampled_lobe.cpp. Needs shared/radiance.glsl, for glTF's model
-// shared/ggx_light.glsl and shared/ggx.glsl.
+// Glossy light by filtered samples: the same as scene/sampled_lobe.cpp. Needs shared/radiance.glsl, and for glTF's
+// model shared/ggx_light.glsl and shared/ggx.glsl.
 uniform int taps;
 #if GLOSSY == 5
 uniform float exponent;   // below infinity
@@ -28,7 +28,8 @@ vec3 filtered_tap(vec3 l, float solid_angle, float texel_share) {
   return share > 0.0 ? blended + share * (nearest_texel(l) - blended) : blended;
 }
 
-// Of tap i: the share of the lobe that is farther from the normal, and the turn about it, whose sine is `side`'s.
+// For tap i: beyond, the share of the lobe that is farther from the normal; turn, the angle about the normal; side, the
+// sign of that angle's sine.
 void equal_share(int i, out float beyond, out float turn, out float side) {
   bool middle = i == taps - 1 && taps % 2 != 0;
   float k = float(i / 2), count = float(taps);

@@ -5,7 +5,7 @@
 // the cap is above the horizon. Lagarde and de Rousiers 2014, Moving Frostbite to Physically Based
 // Rendering, section 4.7.2 (sphere light with horizon handling), after Snyder 1996, Area Light
 // Sources for Real-Time Graphics. sin2_alpha and cos2_alpha are both given because one of them
-// always lost its digits in 1 - the other.
+// would always lose its digits in 1 - the other.
 FN float cap_projected_solid_angle(float cos_theta, float sin2_alpha, float cos2_alpha) {
   if (cos_theta * cos_theta >= sin2_alpha)
     return 3.14159265f * sin2_alpha * max(cos_theta, 0.0f);
