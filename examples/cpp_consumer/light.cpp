@@ -1,4 +1,4 @@
-// Irradiance of a surface in a map of constant radiance 1: π, whatever its normal.
+// The irradiance of a surface in a map with constant radiance 1: π, whatever the surface's normal.
 #include <fastibl/lighting/fit_lighting.h>
 
 #include <cstdio>

@@ -1,7 +1,7 @@
 // A live loop: a camera looks at the printed board (`fastibl board board.pdf`), and a pyramid
 // stands on it, lit by what the camera has seen of the room so far.
 //   live 0 700          camera 0, whose focal length is 700 pixels
-//   live film.avi 700   the same from a film
+//   live film.avi 700   the same, from a film
 #include <fastibl/core/clock.h>
 #include <fastibl/render/make_scene.h>
 #include <fastibl/render/session.h>
@@ -41,11 +41,12 @@ int main(int argc, char** argv) {
     Frame frame;
     frame.time = film ? frames / 30.0 : clock.seconds();
     frame.back = {rgb.data, PixelType::uint8, rgb.cols, rgb.rows, std::ptrdiff_t(rgb.step)};
-    // Most cameras expose by themselves and do not tell: without this it would be told as always 1.
+    // Most cameras choose their exposure and do not tell it; without this line it would count as
+    // always 1.
     frame.back_exposure.reset();
     result = session.process(frame);
     seen += result.back_from_marker.has_value();
-    // Here a program shows result.image, or hands it on.
+    // Here a program would show result.image, or hand it on.
   }
   if (!frames) return std::fprintf(stderr, "%s gives no pictures\n", argv[1]), 1;
   std::printf("board seen in %d of %d frames, map covers %.1f %%, %.1f ms a frame\n", seen, frames,

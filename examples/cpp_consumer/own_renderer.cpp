@@ -1,6 +1,6 @@
-// A renderer of one's own, in a GL context of one's own, that takes from fastibl the light and the
-// shadow as textures: a cube of irradiance, prefiltered levels by roughness, a shadow map of the
-// plane. Here it is one shader that traces a ball on a table.
+// Your own renderer, in your own GL context, which takes the light and the shadow from fastibl as
+// textures: a cube of irradiance, prefiltered levels by roughness, and a shadow map of the plane.
+// Here it is one shader that traces a ball on a table.
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <fastibl/lighting/fit_lighting.h>
@@ -81,7 +81,8 @@ static void filtered(GLenum target, GLint min_filter) {
   glTexParameteri(target, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
 }
 
-// A level of a cube texture: faces, rows and axes are OpenGL's; rows have a border to step over.
+// Uploads a level of a cube texture. Its faces, rows and axes are those of OpenGL; its rows have a
+// border to step over.
 static void upload(const CubeLevel& level, GLint mip) {
   glPixelStorei(GL_UNPACK_ROW_LENGTH, GLint(level.row_stride()));
   for (int f = 0; f < 6; ++f)
@@ -91,7 +92,7 @@ static void upload(const CubeLevel& level, GLint mip) {
 }
 
 int main(int argc, char** argv) try {
-  // The light; a captured map comes from Capture::environment() or Session.
+  // The light. A captured map would come from Capture::environment() or Session.
   const auto map = std::make_shared<const CubeMap>(sky({1, 0, 0.5f}));
   LightingOptions options;
   options.diffuse = DiffuseMethod::irradiance_cube;
@@ -105,7 +106,7 @@ int main(int argc, char** argv) try {
   const ShadowMap shadow =
       cast_shadow(*map, lighting.plane_irradiance, {{0, 0, 0.05f, 0.05f}}, one_map);
 
-  // As textures.
+  // The light and the shadow as textures.
   make_context();
   GLuint textures[3];
   glGenTextures(3, textures);
@@ -124,7 +125,7 @@ int main(int argc, char** argv) try {
                GL_FLOAT, shadow.ratio.data.data());  // row 0 is y min
   filtered(GL_TEXTURE_2D, GL_LINEAR);
 
-  // One's own renderer.
+  // Your own renderer.
   const Camera view = camera();
   const Pose marker_from_camera = back_from_marker().inverse();
   const GLuint program = glCreateProgram();

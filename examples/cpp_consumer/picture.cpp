@@ -18,6 +18,6 @@ int main(int argc, char** argv) {
 
   Frame frame;
   frame.back_from_marker = back_from_marker();
-  // RGBA with straight alpha, as there is nothing behind.
+  // RGBA with straight alpha, as there is no picture behind the pyramid.
   write_ppm(argc > 1 ? argv[1] : "picture.ppm", session.process(frame).image);
 }

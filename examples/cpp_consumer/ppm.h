@@ -1,4 +1,4 @@
-// Writes a picture as PPM, over white where it is transparent.
+// Writes a picture as PPM; where it is transparent, over white.
 #pragma once
 
 #include <fastibl/core/image.h>

@@ -1,6 +1,6 @@
-// Offline relighting: one photograph whose pose is known, under a sun that goes round and rises.
-// relight [FOLDER] writes relit-0.ppm … there; with any map in place of sky(): of another hour, of
-// another place.
+// Offline relighting: one photograph with a known pose, under a sun that goes round and rises.
+// relight [FOLDER] writes relit-0.ppm … there. In place of sky() any map will do: of another hour,
+// or of another place.
 #include <fastibl/render/make_scene.h>
 #include <fastibl/render/session.h>
 
@@ -24,7 +24,7 @@ int main(int argc, char** argv) {
         environment_from(sky({std::cos(angle), std::sin(angle), 0.3f + 0.2f * float(quarter)})));
   };
   SceneOptions baked;
-  baked.bake_shadow = true;  // once; then every light casts it in about a millisecond
+  baked.bake_shadow = true;  // once; then the shadow of every light takes about a millisecond
   Session session(make_scene(pyramid(), {}, {}, baked), rig, std::nullopt, light(0), nullptr,
                   make_cpu_renderer());
 

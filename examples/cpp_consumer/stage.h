@@ -1,4 +1,4 @@
-// What the examples light, and from where they look: a pyramid on the marker plane.
+// What the examples light and where they look from: a pyramid on the marker plane.
 #pragma once
 
 #include <fastibl/core/pose.h>
@@ -8,7 +8,7 @@
 
 #include <cmath>
 
-// Grey all around, and a warm sun 30° wide in a direction.
+// Grey all around, with a warm sun 30° wide in the given direction.
 inline fastibl::CubeMap sky(glm::vec3 towards_sun) {
   const int size = 32;
   const glm::vec3 sun = glm::normalize(towards_sun);
@@ -24,7 +24,7 @@ inline fastibl::CubeMap sky(glm::vec3 towards_sun) {
   return map;
 }
 
-// 10 cm wide and high.
+// A pyramid 10 cm wide and high.
 inline fastibl::Mesh pyramid() {
   fastibl::Mesh mesh;
   mesh.vertices = {
@@ -41,7 +41,7 @@ inline fastibl::Camera camera() {
   return camera;
 }
 
-// 40 cm away, 45° above the plane: x right, y down, z forward of the camera in rows.
+// A camera 40 cm away, 45° above the plane. rows: the camera's x right, y down and z forward.
 inline fastibl::Pose back_from_marker() {
   const double s = std::sqrt(0.5);
   const glm::dmat3 rows({1, 0, 0}, {0, -s, -s}, {0, s, -s});

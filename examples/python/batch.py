@@ -47,5 +47,5 @@ def main(arguments: list[str] | None = None) -> int:
     return 1 if summary.failed else 0
 
 
-if __name__ == "__main__":  # other processes import this file
+if __name__ == "__main__":  # the other processes import this file
     sys.exit(main())

@@ -1,6 +1,7 @@
-// Reading of exported light without any library.
+// Reads exported light without any library.
 
-// A Radiance .hdr without run-length coding, as fastibl writes it: {width, height, data}, three floats a pixel.
+// Decodes a Radiance .hdr without run-length coding, as fastibl writes it: {width, height, data}, three floats per
+// pixel.
 export function decodeHdr(buffer) {
   const bytes = new Uint8Array(buffer);
   let begin = 0;
@@ -23,7 +24,7 @@ export function decodeHdr(buffer) {
   return { width, height, data };
 }
 
-// Irradiance from the nine coefficients of light.json (sh9.radiance) for a unit normal.
+// The irradiance for a unit normal, from the nine coefficients of light.json (sh9.radiance).
 export function shIrradiance(sh, [x, y, z]) {
   const basis = [
     0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z,
@@ -33,7 +34,7 @@ export function shIrradiance(sh, [x, y, z]) {
   return [0, 1, 2].map((c) => sh.reduce((sum, value, i) => sum + value[c] * basis[i] * cosine[i], 0));
 }
 
-// Nearest texel of a strip of faces in a direction, as a GPU finds it.
+// The texel of a strip of faces that is nearest to a direction, as a GPU finds it.
 export function lookUp({ width: n, data }, [x, y, z]) {
   const [ax, ay, az] = [Math.abs(x), Math.abs(y), Math.abs(z)];
   let face, s, t, major;

@@ -1,4 +1,4 @@
-// Light exported by fastibl as three.js objects.
+// Loads light exported by fastibl as three.js objects.
 import * as THREE from "three";
 import { decodeHdr } from "./decode.js";
 
@@ -8,7 +8,7 @@ async function strip(url) {
   return decodeHdr(await answer.arrayBuffer());
 }
 
-// Half floats hold up to 65504: brighter texels are cut there.
+// Half floats reach up to 65504: brighter texels are cut off there.
 function half({ width, height, data }) {
   const out = new Uint16Array((data.length / 3) * 4);
   for (let i = 0; i < width * height; ++i) {
@@ -41,7 +41,7 @@ function cubeTexture(pictures) {
   return cube;
 }
 
-// Rows of pairs, as make_scene.py writes them.
+// table: rows of pairs, as make_scene.py writes them.
 function albedoTexture(table) {
   const halves = new Uint16Array(table.flat(2).map(THREE.DataUtils.toHalfFloat));
   const texture = new THREE.DataTexture(halves, table[0].length, table.length, THREE.RGFormat, THREE.HalfFloatType);
@@ -50,8 +50,8 @@ function albedoTexture(table) {
   return texture;
 }
 
-// {probe, prefiltered, levels, sh, albedo, background} of a folder of make_scene.py's: light.json, exported with layout
-// "strip" and format "hdr", and the table of the albedo.
+// Returns {probe, prefiltered, levels, sh, albedo, background} of a folder that make_scene.py wrote: light.json,
+// exported with layout "strip" and format "hdr", and the table of the albedo.
 export async function loadLight(folder) {
   const light = await (await fetch(`${folder}/light.json`)).json();
   if (light.axes !== "gltf" || light.layout !== "strip") throw new Error("expected axes gltf and layout strip");

@@ -1,4 +1,4 @@
-// A metallic-roughness material lit by exported light alone.
+// A metallic-roughness material that is lit by exported light alone.
 import * as THREE from "three";
 
 const vertexShader = `

@@ -1,4 +1,4 @@
-// Spheres from smooth to rough, a matte one lit by a LightProbe, and a figurine.
+// Shows spheres from smooth to rough, a matte one lit by a LightProbe, and a figurine.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { loadLight } from "./light.js";
