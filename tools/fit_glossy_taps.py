@@ -1,11 +1,12 @@
-"""Fits the table of cpp/fastibl/scene/glossy_table.inc: where and how wide a glossy lobe is looked up.
+"""Fits the table of cpp/fastibl/scene/glossy_table.inc: where a glossy lobe is looked up, and how wide.
 
     python tools/fit_glossy_taps.py > cpp/fastibl/scene/glossy_table.inc      (NumPy alone, some minutes)
 
 The lobe (n.h)^s max(n.l, 0) is approximated by 1 to 4 round lobes ((1 + c) / 2)^(e / 2) c around directions in the
-plane of n and v: those that the chain holds (e = 2 * 4^k) and their blends. Directions, widths and weights minimise
-the squared difference of the lobes over the sphere; no map is involved. Rows: exponent 2^1 ... 2^17; columns:
-sqrt(1 - cos theta_v) from 0 to 1. Below exponent 8 spherical harmonics up to order 4 around one direction.
+plane of n and v. The round lobes are those that the chain holds (e = 2 * 4^k) and their blends. Directions, widths and
+weights are chosen to minimise the squared difference of the lobes over the sphere; no map is involved. Rows: exponent
+2^1 ... 2^17; columns: sqrt(1 - cos theta_v) from 0 to 1. Below exponent 8 spherical harmonics up to order 4 around one
+direction are used.
 """
 
 import math
@@ -24,7 +25,7 @@ def width(exponent):
 
 
 def lobe_samples(s, theta, steps=256, turns=128):
-    """Directions and weights of the lobe, by midpoints in (n.h)^(s+1) and azimuth; and its integral."""
+    """Directions and weights of the lobe, from midpoints in (n.h)^(s+1) and azimuth, and its integral."""
     c = ((np.arange(steps) + 0.5) / steps) ** (1 / (s + 1))
     phi = (np.arange(turns) + 0.5) / turns * 2 * np.pi
     h = np.sqrt(1 - c * c)
@@ -48,7 +49,7 @@ def height(e):
 
 
 def round_lobe(c, log_width):
-    """The chain's lobe of a width: two neighbouring levels blended; c: cosine to its axis."""
+    """The chain's lobe with a given width, which blends two neighbouring levels. c: cosine of the angle to its axis."""
     k = math.floor(-(log_width - 0.5))  # exponent 2 * 4^k has width sqrt(2) / 2^k
     f = -(log_width - 0.5) - k
 
@@ -88,7 +89,7 @@ class Problem:
         return np.array([-math.sin(angle), 0, math.cos(angle)]), np.array([-math.cos(angle), 0, -math.sin(angle)])
 
     def unpack(self, x, taps):
-        """Offsets from the mirror in widths, log2 of widths in widths, weights."""
+        """Offsets from the mirror direction in widths, log2 of the taps' widths in widths, and weights."""
         logits = np.concatenate([[0], x[2 * taps :]])
         weights = np.exp(logits - logits.max())
         return x[:taps], x[taps : 2 * taps], weights / weights.sum()
@@ -113,7 +114,7 @@ class Problem:
 
 
 def minimise(f, x, rounds=40):
-    """Levenberg and Marquardt with numeric derivatives."""
+    """The method of Levenberg and Marquardt with numeric derivatives."""
     damping, r = 1e-3, f(x)
     cost = r @ r
     for _ in range(rounds):
@@ -172,13 +173,13 @@ def bands(light, weight, angle):
 
 
 def fit_harmonics():
-    """(rows, columns, 5): angle from the mirror, then what band 1 ... 4 around that direction is multiplied with."""
+    """(rows, columns, 5): angle from the mirror direction, then the factors of bands 1 ... 4 around that direction."""
     table = np.zeros((len(SH_ROWS), COLUMNS, 5))
     for i, s in enumerate(SH_ROWS):
         for j in range(COLUMNS):
             theta = angle_of(j)
             light, weight, _ = lobe_samples(s, theta, 128, 64)
-            # The direction that keeps most of bands 1 ... 4 (2l + 1 coefficients each, one zonal).
+            # The direction that keeps the most of bands 1 ... 4 (2l + 1 coefficients each, one of them zonal).
             angles = np.radians(np.arange(0, 60, 0.25))
             kept = [((2 * np.arange(1, 5) + 1) * bands(light, weight, a)[1:] ** 2).sum() for a in angles]
             best = angles[int(np.argmax(kept))] if j else 0.0
@@ -187,7 +188,7 @@ def fit_harmonics():
 
 
 def log_integrals():
-    """(rows, columns): log2 of s times the integral of the lobe; rows of SH_ROWS[:1] and ROWS."""
+    """(rows, columns): log2 of s times the integral of the lobe; the rows are SH_ROWS[:1] and ROWS."""
     rows = [1.0, *ROWS]
     out = np.zeros((len(rows), COLUMNS))
     for i, s in enumerate(rows):

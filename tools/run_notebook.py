@@ -20,11 +20,11 @@ WIDEST = 900  # pixels
 
 
 def run(notebook: dict, folder: Path) -> dict:
-    """The notebook with the outputs of its cells, run in `folder`. Raises RuntimeError that names the cell."""
+    """Runs the notebook in `folder` and returns it with its outputs. Raises RuntimeError that names the cell."""
     import matplotlib
 
     matplotlib.use("Agg")
-    _figures()  # those that were open are not the notebook's
+    _figures()  # discards figures that were open before: they are not the notebook's
     names: dict[str, Any] = {"__name__": "__main__"}
     number = 0
     with _inside(folder):
@@ -70,7 +70,7 @@ def _outputs(source: str, names: dict[str, Any], number: int) -> list[dict]:
 
 
 def _shown(value: Any) -> dict:
-    """By type of content, what Jupyter would take of a value; the picture or the table, and its text."""
+    """What Jupyter would show of a value, by type of content: the picture or the table, and its text."""
     data = {"text/plain": [repr(value)]}
     if hasattr(value, "_repr_png_"):
         data = {"image/jpeg": _jpeg(value._repr_png_()), "text/plain": [f"<{type(value).__name__}>"]}

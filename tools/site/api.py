@@ -1,4 +1,4 @@
-"""Public names of the package by subject: the pages of the API reference."""
+"""The package's public names by subject, which are the pages of the API reference."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from importlib import import_module
 
 from docstrings import extension_signature
 
-# Page: its title, what it is for, and its names; "module.name" is a name of a public module of the package, and a name
-# with "?" is left out where there is none.
+# For each page: its title, what it is for, and its names. "module.name" is a name of a public module of the package; a
+# name with "?" is left out if it does not exist.
 PAGES = {
     "maps": (
         "Maps",
@@ -81,7 +81,7 @@ def _exists(name: str) -> bool:
 
 
 def find(name: str):
-    """What a name of PAGES stands for."""
+    """The thing that a name of PAGES stands for."""
     found = import_module("fastibl")
     for part in name.split("."):
         found = getattr(found, part) if hasattr(found, part) else import_module(f"{found.__name__}.{part}")
@@ -89,7 +89,7 @@ def find(name: str):
 
 
 def public(module) -> list[str]:
-    """Names that a module offers: its __all__, or what it defines."""
+    """The names that a module offers: its __all__, or what it defines."""
     own = [n for n, o in vars(module).items() if getattr(o, "__module__", None) == module.__name__]
     return [n for n in getattr(module, "__all__", own) if not n.startswith("_") and callable(getattr(module, n))]
 
@@ -105,7 +105,7 @@ def documented() -> Iterator[tuple[str, object]]:
 
 
 def members(kind: type) -> Iterator[tuple[str, object]]:
-    """Public attributes of a class that it or a base of fastibl's own defines."""
+    """Public attributes of a class that are defined by the class or by a base class of fastibl's own."""
     for base in kind.__mro__:
         if base.__module__.startswith("fastibl"):
             for name, thing in vars(base).items():
@@ -114,7 +114,7 @@ def members(kind: type) -> Iterator[tuple[str, object]]:
 
 
 def docstrings() -> dict[str, str]:
-    """What every public name says of itself, by its full name; fields of dataclasses are told of by their class."""
+    """The docstring of every public name, by its full name. Fields of dataclasses are described by their class."""
     found = {}
     for name, thing in documented():
         found[name] = inspect.getdoc(thing) or ""
@@ -126,7 +126,7 @@ def docstrings() -> dict[str, str]:
 
 
 def page(name: str) -> str:
-    """A page in reStructuredText."""
+    """The text of a page in reStructuredText."""
     title, purpose, _ = PAGES[name]
     return f"{title}\n{'=' * len(title)}\n\n{purpose}\n\n" + "\n".join(_entry(n) for n in names(name))
 
@@ -143,7 +143,7 @@ def _entry(name: str) -> str:
 def _directive(path: str, thing: object, title: str) -> str:
     if inspect.isclass(thing):
         inherited = [b.__name__ for b in thing.__mro__[1:] if not b.__module__.startswith("fastibl")]
-        constructor = (extension_signature(thing) or ("",))[0]  # which Sphinx does not find by itself
+        constructor = (extension_signature(thing) or ("",))[0]  # Sphinx does not find it by itself
         return (
             f".. autoclass:: {path}{constructor}\n   :members:\n   :undoc-members:\n"
             f"   :inherited-members: {', '.join(inherited)}\n"

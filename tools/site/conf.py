@@ -1,4 +1,4 @@
-"""Sphinx's settings of the site. Nothing outside is asked, neither to build nor to read it."""
+"""Sphinx's settings for the site. Nothing is loaded from outside, neither to build nor to read it."""
 
 import sys
 from pathlib import Path

@@ -1,11 +1,11 @@
-"""Docstrings as the site shows them: parameters that prose explains as `name: text` become a list, types get short."""
+"""Docstrings as the site shows them: parameters explained as `name: text` become a list, types are shortened."""
 
 from __future__ import annotations
 
 import inspect
 import re
 
-# What the extension's signatures spell out, as people write it.
+# What the extension's signatures spell out, and how people write it.
 _TYPES = (
     (r"typing\.SupportsFloat \| typing\.SupportsIndex", "float"),
     (r"typing\.SupportsInt \| typing\.SupportsIndex", "int"),
@@ -22,7 +22,7 @@ def shorter(signature: str) -> str:
 
 
 def extension_signature(thing: object) -> tuple[str, str] | None:
-    """Arguments and result as pybind11 writes them into a docstring's first line; of a class, its constructor's."""
+    """Arguments and result, as pybind11 writes them in a docstring's first line; for a class, its constructor's."""
     text = (getattr(thing, "__init__", None) if inspect.isclass(thing) else thing).__doc__ or ""
     match = re.match(r"\w+(\(.*\))(?: -> (.*))?$", text.split("\n", 1)[0])
     if not match:
@@ -32,7 +32,7 @@ def extension_signature(thing: object) -> tuple[str, str] | None:
 
 
 def parameters(signature: str | None) -> set[str]:
-    """Names in "(a: int = 1, *, b)"."""
+    """The names of the parameters in a signature such as "(a: int = 1, *, b)"."""
     return set(re.findall(r"[(,]\s*\**(\w+)\s*(?=[:=,)])", signature or ""))
 
 
@@ -67,19 +67,19 @@ def _line(text: str) -> str:
 
 
 def _ended(text: str) -> tuple[str, str]:
-    """Cuts off what a paragraph says after a parameter of the call as a whole."""
+    """Cuts off what a paragraph says, after its last parameter, about the call as a whole."""
     cut = re.search(r"(?<=[.;)] )(?=(?:Returns|Raises) )", text)
     return (text[: cut.start()].strip(), text[cut.start() :]) if cut else (text, "")
 
 
 def _inline(text: str) -> str:
-    """`code` as ``code``; characters that mean something in reStructuredText are escaped elsewhere."""
+    """Turns `code` into ``code``, and escapes characters elsewhere that mean something in reStructuredText."""
     parts = re.split(r"`([^`]+)`", text)
     return "".join(f"``{p}``" if k % 2 else re.sub(r"([*|\\`]|_(?=\W|$))", r"\\\1", p) for k, p in enumerate(parts))
 
 
 def setup(app) -> dict:
-    """For Sphinx."""
+    """Called by Sphinx."""
     seen: dict[str, set[str]] = {}
 
     def on_signature(app, what, name, thing, options, signature, result):
@@ -87,7 +87,7 @@ def setup(app) -> dict:
         return (shorter(signature), shorter(result or "")) if signature else None
 
     def on_docstring(app, what, name, thing, options, lines):
-        if inspect.isclass(thing) and extension_signature(thing):  # what its constructor says for itself
+        if inspect.isclass(thing) and extension_signature(thing):  # adds the docstring of its constructor
             lines += ["", *(thing.__init__.__doc__ or "").split("\n")[1:]]
         if lines and re.match(r"\w+\(.*\)( -> .*)?$", lines[0]):
             del lines[0]

@@ -1,8 +1,8 @@
 """Builds the site of docs/ to build/site: `./dev docs`. A warning is an error.
 
 The README is its first page; the changelog, the notebook and the pages of the API reference are added. Pages of the
-navigation that are not there are left out. Links to files that are no pages become their paths in the repository, for
-the site has no address of it.
+navigation that do not exist are left out. Links to files that are not pages become the files' paths in the repository,
+because the site has no address of it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _FENCE = re.compile(r"(^```.*?^```$)", re.M | re.S)
 
 
 def pages() -> dict[str, tuple[str, str]]:
-    """Text of every page by its path, and the file of the repository that it is made of."""
+    """The text of every page by its path, with the file of the repository that it is made from."""
     found = {path.relative_to(ROOT / "docs").as_posix(): path for path in sorted((ROOT / "docs").rglob("*.md"))}
     found |= {page: ROOT / source for page, source in ADDED.items()}
     texts = {page: (path.read_text("utf-8"), path.relative_to(ROOT).as_posix()) for page, path in found.items()}
@@ -50,7 +50,7 @@ def pages() -> dict[str, tuple[str, str]]:
 
 
 def stage(folder: Path) -> None:
-    """Writes what Sphinx reads: pages with the site's links, pictures."""
+    """Writes what Sphinx reads: the pages, with the site's links, and the pictures."""
     shutil.rmtree(folder, ignore_errors=True)
     for part in ("images", "plots"):
         shutil.copytree(ROOT / "docs" / part, folder / part)
@@ -68,7 +68,7 @@ def stage(folder: Path) -> None:
 
 
 def toctrees(present: set[str]) -> str:
-    """The navigation, for the end of the first page."""
+    """The navigation, which is put at the end of the first page."""
     out = []
     for title, entries in NAVIGATION.items():
         there = [e for e in entries if f"{e}.md" in present or f"{e}.rst" in present]
@@ -77,7 +77,7 @@ def toctrees(present: set[str]) -> str:
 
 
 def linked(text: str, page: str, source: str, texts: dict) -> str:
-    """The text with its links and pictures as the site has them; code stays."""
+    """The text with its links and pictures changed to those of the site; code stays as it is."""
     parts = _FENCE.split(text)
     made_of = {there: name for name, (_, there) in texts.items()}
     folder, origin = posixpath.dirname(page), posixpath.dirname(source)

@@ -14,7 +14,7 @@ def cells(path: Path) -> list[dict]:
 
 
 def markdown(path: Path, pictures: str) -> str:
-    """The page in Markdown; pictures: the folder that write_pictures writes to, as seen from the page."""
+    """The page in Markdown. pictures: the folder that write_pictures writes to, relative to the page."""
     out = []
     for index, cell in enumerate(cells(path)):
         text = "".join(cell["source"]).strip()
