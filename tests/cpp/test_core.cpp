@@ -1,4 +1,4 @@
-// What the Python side cannot reach of the core.
+// Tests the parts of the core that the Python side cannot reach.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -39,7 +39,7 @@ TEST_CASE("small systems are solved, and those that are not positive definite re
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t k = 0; k < n; ++k) a[n * i + k] = 1 / double(i + k + 1);
   REQUIRE(invert<n>(a, inverse, 2));
-  const std::array<double, n> first{16, -120, 240, -140};  // of its inverse: whole numbers
+  const std::array<double, n> first{16, -120, 240, -140};  // row of its inverse: whole numbers
   for (std::size_t k = 0; k < n; ++k) {
     CHECK(inverse[k] == doctest::Approx(2 * first[k]).epsilon(1e-10));
     CHECK(inverse[n * k] == doctest::Approx(2 * first[k]).epsilon(1e-10));
@@ -93,7 +93,7 @@ TEST_CASE("decoding what is no number gives 0") {
 TEST_CASE("light that is followed does not jump where the method of its irradiance changes") {
   constexpr int n = 32;
   float lamp = 60;
-  const auto map = [&](float grey) {  // with a lamp that nine coefficients are wrong about
+  const auto map = [&](float grey) {  // with a lamp, which nine coefficients get wrong
     std::vector<glm::vec3> texels(6 * n * n, glm::vec3(grey));
     for (int k = 0; k < 4; ++k) texels[std::size_t(n / 2 * n + n / 2 + k)] = glm::vec3(lamp);
     return std::make_shared<const CubeMap>(n, texels);
@@ -129,7 +129,7 @@ TEST_CASE("light that is followed does not jump where the method of its irradian
   CHECK(whole > 0.03f);
   follow(20);
   CHECK(last.irradiance.fading);
-  by(DiffuseMethod::irradiance_cube, 8);  // while it still fades
+  by(DiffuseMethod::irradiance_cube, 8);  // while the change still fades
   follow(20);
   by(DiffuseMethod::sh9, 16);
   follow(20);
@@ -140,7 +140,7 @@ TEST_CASE("light that is followed does not jump where the method of its irradian
   CHECK(!last.irradiance.fading);
   for (std::size_t i = 0; i < cube.size(); ++i)
     CHECK(std::abs(light_at(last)[i].x / cube[i].x - 1) < 1e-4f);
-  // Under another light the old method may be far off: little of that stays.
+  // Under another light the old method may be far off: only little of it stays.
   lamp = 300;
   by(DiffuseMethod::sh9, 16);
   const std::vector<glm::vec3> off = light_at(fit_lighting(map(0.5f), options));
@@ -191,7 +191,8 @@ TEST_CASE("one thread works on loops while it is asked to") {
 
 namespace {
 
-// Before main(), and before or after the library's own files: which is not said.
+// Runs before main(), and before or after the library's own global objects: that order is not
+// defined.
 const float lit_before_main = [] {
   const auto map = std::make_shared<const CubeMap>(
       32, std::vector<glm::vec3>(std::size_t{6} * 32 * 32, glm::vec3(1)));

@@ -1,5 +1,5 @@
-// The GL back end in a context of the caller: same picture, no state left behind, and a window's
-// picture without read-back.
+// The GL back end in a context of the caller: it draws the same picture, leaves no state behind,
+// and gives a window its picture without read-back.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <dlfcn.h>
 #include <doctest/doctest.h>
@@ -34,7 +34,7 @@ struct Inputs {
   }
 };
 
-// A tetrahedron on the marker under a sky with one coloured face a side, seen from above.
+// A tetrahedron on the marker under a sky with one coloured face per side, seen from above.
 Inputs inputs() {
   Inputs in;
   Mesh mesh;
@@ -131,7 +131,7 @@ std::vector<GLint> state() {
   return all;
 }
 
-// States that differ from what the renderer works with.
+// Sets states that differ from those the renderer works with.
 struct Untidy {
   GLuint textures[3], buffers[3], array, framebuffer, renderbuffer, sampler;
   Untidy() {
@@ -238,7 +238,7 @@ TEST_CASE("present draws the whole picture, row 0 on top") {
   glGenFramebuffers(1, &window);
   glBindFramebuffer(GL_FRAMEBUFFER, window);
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
-  gl->present(window, kWidth, kHeight);  // nothing yet
+  gl->present(window, kWidth, kHeight);  // there is nothing yet
   for (int frame = 0; frame < 2; ++frame) {
     draw(*gl, in);
     glEnable(GL_SCISSOR_TEST);
@@ -260,7 +260,7 @@ TEST_CASE("present draws the whole picture, row 0 on top") {
 
 namespace {
 
-// A context of desktop GL 4.5, as of an engine; false where the driver has none.
+// A context of desktop GL 4.5, as an engine has; false if the driver has none.
 struct DesktopContext {
   EGLDisplay display = EGL_NO_DISPLAY;
   EGLContext context = EGL_NO_CONTEXT;
@@ -282,7 +282,7 @@ struct DesktopContext {
   }
 };
 
-// What desktop GL alone has.
+// State that only desktop GL has.
 std::vector<GLfloat> desktop_state() {
   std::vector<GLfloat> all;
   for (GLuint i = 0; i < 3; ++i) {

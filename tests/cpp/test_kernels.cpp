@@ -1,5 +1,5 @@
-// Fast paths against the plain ones: many codes at once, small triangles, lights that are kept,
-// pieces of a map.
+// Compares fast paths with the plain ones: many codes at once, small triangles, lights that are
+// kept, pieces of a map.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -45,7 +45,7 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
     for (std::size_t i = 0; i < codes.size(); ++i)
       wrong += codes[i] != table.encode(linear[i]) || back[i] != table.decode(codes[i]);
     CHECK(wrong == 0);
-    // Around every code's ends, too.
+    // Also around the ends of every code.
     std::vector<float> ends;
     for (int k = 0; k < 255; ++k) {
       float low = table.decode(std::uint8_t(k)), high = table.decode(std::uint8_t(k + 1));
@@ -58,12 +58,12 @@ TEST_CASE("rows of codes are decoded and encoded as single ones are") {
     codes.resize(ends.size());
     table.encode(ends.data(), codes.data(), codes.size());
     for (std::size_t i = 0; i < ends.size(); ++i) CHECK(codes[i] == table.encode(ends[i]));
-    // Factors that no code shows.
+    // Factors that change no code.
     CHECK(table.least_unseen() < 1);
     CHECK(table.most_unseen() > 1);
     for (int k = 0; k < 256; ++k) {
       const float value = table.decode(std::uint8_t(k));
-      const int code = table.encode(value);  // k between the response's levels
+      const int code = table.encode(value);  // k, clamped to the response's levels
       CHECK(code == std::clamp(k, int(table.encode(0)), int(table.encode(1))));
       CHECK(table.encode(value * table.least_unseen()) == code);
       CHECK(table.encode(value * table.most_unseen()) == code);
@@ -140,9 +140,9 @@ TEST_CASE("glossy light of many places is that of single ones") {
         }
       }
   MESSAGE("off by ", worst);
-  CHECK(worst < 2e-3f);  // of a map of noise, whose texels are as far apart as they can be
+  CHECK(worst < 2e-3f);  // on a map of noise, whose texels differ as much as they can
 
-  // What is no direction gives anything, and reads nothing beyond the map.
+  // Vectors that are no directions may give any result, but read nothing beyond the map.
   const Lighting lighting = fit_lighting(std::make_shared<const CubeMap>(n, faces));
   const std::vector<glm::vec3> none = {glm::vec3(NAN), glm::vec3(0), glm::vec3(INFINITY, 0, 0)};
   std::vector<glm::vec3> out(none.size());
@@ -202,7 +202,7 @@ TEST_CASE("a tag that is projected millions of pixels large is no match, and cos
   }
 }
 
-// Whether a sphere holds back the light that a point of the plane gets from a direction.
+// Whether a sphere blocks the light that a point of the plane gets from a direction.
 static bool hides(const glm::dvec4& sphere, const glm::dvec3& light, const glm::dvec2& point) {
   const glm::dvec3 q = glm::dvec3(sphere) - glm::dvec3(point, 0);
   const double along = glm::dot(q, light), r2 = sphere.w * sphere.w;
@@ -217,7 +217,8 @@ TEST_CASE("bits of spheres are those of a ray per texel, but for edges that pass
   for (int scene = 0; scene < 60; ++scene) {
     const PlaneGrid grid{
         int(between(1, 170)), {float(between(-1, 1)), float(between(-1, 1))}, 1.5f};
-    // Of the later scenes many at once, some that the plane cuts, and some too large for float.
+    // The later scenes have many spheres at once, some that the plane cuts, and some too large for
+    // float.
     const int count = scene < 20 ? 1 + scene % 3 : int(between(1, 200));
     const double size = count > 30 ? 0.08 : 0.4;
     SphereSet spheres;
@@ -326,12 +327,12 @@ TEST_CASE(
             wrong += on ? got && !in : got != in;
           }
       CHECK(wrong == 0);
-      // Two triangles of a quad: each sample on their common edge is one's.
+      // Two triangles of a quad: each sample on their common edge belongs to one of them.
       std::vector<SampleCell> first(kEdge * kEdge), second(kEdge * kEdge);
       fill_triangle({first.data(), 0, 0, kEdge - 1, kEdge - 1}, v[0], v[1], v[2], 1);
       fill_triangle({second.data(), 0, 0, kEdge - 1, kEdge - 1}, v[2], v[1], v[3], 1);
       const std::int64_t side = edge(v[1], v[2], v[3].x, v[3].y);
-      if ((area > 0) == (side > 0)) continue;  // they lie on the same side of it
+      if ((area > 0) == (side > 0)) continue;  // both lie on the same side of the edge
       for (std::size_t i = 0; i < first.size(); ++i)
         for (std::size_t s = 0; s < kSamples; ++s)
           wrong += first[i].triangle[s] == 1 && second[i].triangle[s] == 1;

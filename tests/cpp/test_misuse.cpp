@@ -1,5 +1,5 @@
-// What a C++ caller can get wrong, where Python's bindings check before: an error that names it, or
-// a defined result.
+// What a C++ caller can get wrong, where for Python the bindings check first: it gives an error
+// that names the fault, or a defined result.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -84,7 +84,7 @@ TEST_CASE("settings that a method does not have") {
     cube.diffuse_settings = {}, cube.diffuse_settings.source = size;
     CHECK_THROWS_WITH_AS(fitted(cube), doctest::Contains("source"), std::invalid_argument);
   }
-  LightingOptions followed;  // becomes irradiance-cube
+  LightingOptions followed;  // it becomes irradiance-cube
   followed.follows = true, followed.diffuse_settings.size = 0;
   CHECK_THROWS_WITH_AS(fitted(followed), doctest::Contains("size"), std::invalid_argument);
   SessionOptions few;
@@ -133,7 +133,7 @@ TEST_CASE("exponents, normals and views that are none") {
     const Lighting lighting = fit_lighting(grey(), options);
     for (const float exponent : {kNaN, -1.0f, -1e9f})
       CHECK_THROWS_AS(GlossyShading(lighting, exponent), std::invalid_argument);
-    // Of no direction there is no light, but an answer.
+    // For a vector that is no direction there is no light, but an answer.
     for (const float exponent : {0.0f, 1.0f, 64.0f, std::numeric_limits<float>::infinity()}) {
       evaluate_glossy(lighting, glm::vec3(kNaN), {0, 0, 1}, exponent);
       evaluate_glossy(lighting, {0, 0, 1}, glm::vec3(kNaN), exponent);
@@ -245,7 +245,7 @@ TEST_CASE("pictures and masks whose rows or pixels lie where they cannot be read
   refused({begin, PixelType::uint16, 64, 48, 2 * kRow + 1}, "multiples of 2 bytes");
   refused({begin + 2, PixelType::float32, 64, 48}, "multiples of 4 bytes");
   refused({begin, PixelType::float32, 64, 48, 4 * kRow + 2}, "multiples of 4 bytes");
-  // From the lowest row upwards, and at any address of a byte.
+  // From the lowest row upwards, and bytes at any address.
   CHECK_NOTHROW(check_picture({begin + 47 * kRow + 1, PixelType::uint8, 64, 48, -kRow}));
   CHECK_NOTHROW(check_picture({begin + 2, PixelType::uint16, 64, 48, 2 * kRow + 2}));
 

@@ -1,4 +1,4 @@
-// What a Session changes while it runs gives what a new Session gives.
+// What a Session gives after a change while it runs is what a new Session gives.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -30,7 +30,7 @@ Scene scene(float height) {
   return make_scene(pyramid(height), material, Pose(), options);
 }
 
-// Brighter from one side.
+// Light that is brighter from one side.
 std::shared_ptr<const Environment> light() {
   std::vector<glm::vec3> faces;
   for (int f = 0; f < 6; ++f) faces.insert(faces.end(), 16 * 16, glm::vec3(f == 0 ? 4.0f : 0.5f));
@@ -45,7 +45,8 @@ struct Camera160 {
     rig.back.width = 160, rig.back.height = 120;
     rig.back.fx = rig.back.fy = 200, rig.back.cx = 80, rig.back.cy = 60;
     frame.back = {pixels.data(), PixelType::uint8, 160, 120, 160 * 3};
-    // From above, a little to one side: y down is −z of the marker's plane turned by 45 degrees.
+    // Seen from above, a little to one side: y down is −z of the marker's plane turned by 45
+    // degrees.
     const double s = std::sqrt(0.5);
     Pose pose;
     pose.rotation = glm::transpose(glm::dmat3({1, 0, 0}, {0, -s, -s}, {0, s, -s}));

@@ -1,5 +1,5 @@
-// Two sessions in two threads, which share the pool of threads: the same bits as alone. Under the
-// thread sanitizer (./dev sanitize thread) it looks for races in all that a session runs.
+// Two sessions in two threads share the pool of threads: they give the same bits as alone. Under
+// the thread sanitizer (./dev sanitize thread) this looks for races in all that a session runs.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
@@ -27,7 +27,7 @@ Mesh pyramid() {
   return mesh;
 }
 
-// Pictures of both cameras, of noise, from given poses; all methods chosen by the plan.
+// Pictures of both cameras, made of noise, with given poses; the plan chooses all methods.
 using Shown = std::function<void(const FrameResult&)>;
 std::vector<std::uint8_t> run_session(unsigned seed, int frames = 3, const Shown& shown = {}) {
   Rig rig;
@@ -55,7 +55,7 @@ std::vector<std::uint8_t> run_session(unsigned seed, int frames = 3, const Shown
     frame.time = k / 30.0;
     frame.back = {back.data.data(), PixelType::uint8, 64, 48, 192};
     frame.front = {front.data.data(), PixelType::uint8, 64, 48, 192};
-    // Straight down from 30 cm.
+    // The camera looks straight down from 30 cm.
     frame.back_from_marker = Pose{glm::dmat3({1, 0, 0}, {0, -1, 0}, {0, 0, -1}), {0.01 * k, 0, .3}};
     const FrameResult result = session.process(frame);
     if (shown) shown(result);
@@ -81,7 +81,7 @@ TEST_CASE("two sessions in two threads give what they give alone") {
 
 namespace {
 
-// The newest of what one thread makes, which another reads and lets go.
+// The newest of the values that one thread makes; another thread reads it and lets it go.
 template <typename T>
 class Newest {
  public:
@@ -101,7 +101,8 @@ class Newest {
   std::shared_ptr<const T> value_;
 };
 
-// Whether what the other thread comes by, until `make` has ended, stays as it is while it is held.
+// Whether each value that the other thread gets, until `make` has ended, stays as it is while it is
+// held.
 template <typename T>
 bool stays(const std::function<void(Newest<T>&)>& make,
            const std::function<double(const T&)>& read) {
@@ -124,7 +125,7 @@ bool stays(const std::function<void(Newest<T>&)>& make,
 
 }  // namespace
 
-// These are written anew where nobody holds them any more.
+// Maps and shadows are written anew once nobody holds them any more.
 TEST_CASE("maps and shadows that another thread reads and lets go") {
   set_threads(3);
   CHECK(stays<Environment>(

@@ -1,4 +1,4 @@
-// The C++ detector (any OpenCV from 4.6) on the pictures that the Python one was run on; see
+// The C++ detector (any OpenCV from 4.6) on the pictures on which the Python one was run; see
 // tests/data/README.md.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>

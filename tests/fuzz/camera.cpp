@@ -1,4 +1,4 @@
-// Lens parameters, responses and poses, as calibration files bring them.
+// Lens parameters, responses and poses, as calibration files may hold them.
 #include "fastibl/scene/camera.h"
 
 #include "input.h"

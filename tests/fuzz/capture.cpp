@@ -1,4 +1,4 @@
-// Pictures, cameras, poses, exposures and options that a capture is given.
+// The pictures, cameras, poses, exposures and options that a capture is given.
 #include "capture_run.h"
 
 namespace fastibl {

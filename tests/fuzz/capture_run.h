@@ -1,5 +1,5 @@
-// A short life of a Capture: pictures of any content, pose, exposure and time, and what comes of
-// them.
+// A short life of a Capture: pictures of any content, pose, exposure and time, and checks of the
+// result.
 #pragma once
 
 #include "fastibl/capture/capture.h"
@@ -64,7 +64,7 @@ inline void run_capture(Input& in, Capture& capture) {
       const Taken taken = capture.add(picture.view(), camera, pose, exposure, time, mask_view, last,
                                       tint, !in.chance(8));
       require(std::isfinite(taken.exposure) && taken.exposure > 0, "exposure used");
-    } catch (const std::invalid_argument&) {  // refused, and the map is as it was
+    } catch (const std::invalid_argument&) {  // refused, and the map stays as it was
       time = capture.time();
       if (!std::isfinite(time) || time < -1e29) time = 0;
     }

@@ -1,4 +1,4 @@
-// What libFuzzer, or the replay, calls.
+// The entry that libFuzzer, or the replay, calls.
 #include <cstdio>
 #include <cstdlib>
 #include <stdexcept>

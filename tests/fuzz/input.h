@@ -1,5 +1,5 @@
-// The bytes that a fuzzer brings, read as the values that callers hand in: usual ones, the edges of
-// their range, and any bits. Where the bytes end, all further ones are 0.
+// Reads a fuzzer's bytes as the values that callers hand in: usual values, the edges of their
+// range, and any bits. After the end of the bytes, all further ones are 0.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ class Input {
 
   bool empty() const { return at_ == end_; }
   std::uint8_t byte() { return at_ == end_ ? std::uint8_t(0) : *at_++; }
-  bool chance(int of) { return below(of) == 1; }  // one in `of`; never where the bytes have ended
+  bool chance(int of) { return below(of) == 1; }  // one in `of`; never after the end of the bytes
   int below(int n) {                              // up to 65536
     if (n <= 1) return 0;
     int value = byte();
@@ -34,7 +34,7 @@ class Input {
   float within(float least, float most) { return least + (most - least) * share(); }
   // −2 to 2.
   float near() { return within(-2, 2); }
-  // Any float: half of them usual ones, then edges of the range, then any bits.
+  // Any float: in half of the cases a usual one, else an edge of the range or any bits.
   float any() {
     constexpr float kInfinity = std::numeric_limits<float>::infinity();
     constexpr float kEdges[] = {0.0f,
@@ -88,7 +88,8 @@ class Input {
     const float length = glm::length(d);
     return length > 1e-3f ? d / length : glm::vec3(0, 0, 1);
   }
-  // Rigid, wherever it is: the Python border and Pose::from_matrix refuse any other.
+  // A rigid pose at any place: the Python border and Pose::from_matrix refuse all that are not
+  // rigid.
   Pose pose() {
     Pose pose;
     pose.rotation = rotation_from_vector(3.0 * glm::dvec3(near3()));
@@ -109,7 +110,7 @@ class Input {
   const std::uint8_t* end_;
 };
 
-// Ends the run, as a finding, where what must hold does not.
+// Ends the run as a finding if something that must hold does not.
 void require(bool holds, const char* what);
 
 inline bool finite(const glm::vec3& v) {
@@ -122,7 +123,7 @@ inline bool is_light(const glm::vec3& v) { return finite(v) && v.x >= 0 && v.y >
 inline bool is_ratio(float r) { return r >= 0 && r <= 1; }  // false for NaN
 inline bool is_ratio(const glm::vec3& r) { return is_ratio(r.x) && is_ratio(r.y) && is_ratio(r.z); }
 
-// What a target is. It may throw std::invalid_argument: a clear refusal.
+// The target itself. It may throw std::invalid_argument: a clear refusal.
 void fuzz(Input& input);
 
 }  // namespace fastibl

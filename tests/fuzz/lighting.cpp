@@ -1,4 +1,4 @@
-// Maps of any size and content, by every method and setting.
+// Maps of any size and content, lit by every method and setting.
 #include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/prefilter.h"
@@ -22,7 +22,7 @@ float largest(const CubeMap& map) {
   return most;
 }
 
-// A mean of the map, to what fits overshoot.
+// The light must be a mean of the map, within the overshoot of fits.
 void require_mean(const glm::vec3& light, float most, const char* what) {
   require(is_light(light), what);
   require(std::max({light.x, light.y, light.z}) <= 4 * most, what);
@@ -62,7 +62,7 @@ void evaluate_all(Input& in, const Lighting& lighting, float most) {
     if (!std::isnan(s)) require_mean(evaluate_glossy(lighting, n, v, s), most, "glossy light");
     const SurfaceFrame frame = frame_around(n, in.chance(4) ? in.any3() : in.unit());
     const glm::vec2 alpha(in.within(kSmallestAlpha, 1), in.within(kSmallestAlpha, 1));
-    // Near a light, it may be any multiple of the map's.
+    // Near a light, the result may be any multiple of the map's.
     const glm::vec3 place = in.near3();
     const bool placed = in.chance(3);
     const GgxMethod method = kGgxMethods[size_t(in.below(int(kGgxMethods.size())))];
@@ -74,7 +74,7 @@ void evaluate_all(Input& in, const Lighting& lighting, float most) {
     require_mean(light.front, most, "GGX light but its edge");
     require_mean(light.edge, most, "GGX light of the edge");
     require_mean(light.mean(), placed ? std::numeric_limits<float>::infinity() : most, "GGX light");
-    GgxLight eight;  // as of many round lobes
+    GgxLight eight;  // as for many round lobes
     shading({&n, 1}, {&v, 1}, {&alpha.x, 1}, {&place, placed ? 1u : 0u}, {&eight, 1});
     require(eight.albedo > 0 && eight.edge_share >= 0 && eight.edge_share <= 1, "round GGX lobe");
     require_mean(eight.front, most, "round GGX light but its edge");

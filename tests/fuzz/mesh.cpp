@@ -1,4 +1,4 @@
-// Meshes of any shape: what is worked out of them once, and rays through them.
+// Meshes of any shape: what is computed once from them, and rays through them.
 #include "fastibl/render/make_scene.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/shading/ambient_occlusion.h"

@@ -1,4 +1,4 @@
-// Meshes of any shape, as files bring them, and small whole ones.
+// Meshes of any shape, as files may hold them, and small whole ones.
 #pragma once
 
 #include "fastibl/scene/mesh.h"
@@ -18,7 +18,7 @@ inline Mesh any_mesh(Input& in) {
   const bool hostile = in.chance(2);
   const int vertices = in.below(12);
   for (int i = 0; i < vertices; ++i) {
-    // Now and then one that is there already.
+    // Now and then a vertex that is there already.
     const glm::vec3 v = hostile ? in.any3() : in.near3();
     mesh.vertices.push_back(i > 0 && in.chance(6) ? mesh.vertices[0] : v);
   }

@@ -23,7 +23,7 @@ void fuzz(Input& in) {
   for (const bool more : {false, true}) try {
       ObjMaterials materials;
       read_obj(text, {.uvs = more, .colors = more}, more ? &materials : nullptr).validate();
-    } catch (const std::invalid_argument&) {  // and says why
+    } catch (const std::invalid_argument&) {  // the error says why
     }
 }
 

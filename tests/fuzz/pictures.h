@@ -1,4 +1,4 @@
-// Pictures, small cameras and maps of any content, as several targets bring them.
+// Pictures, small cameras and maps of any content, as several targets use them.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@
 
 namespace fastibl {
 
-// A picture with its own pixels: a few any values on a plain ground.
+// A picture that owns its pixels: a plain ground with a few values of any kind.
 class OwnPicture {
  public:
   OwnPicture(Input& in, int width, int height) {
@@ -55,7 +55,7 @@ class OwnPicture {
   std::vector<float> floats_;
 };
 
-// Up to `most` pixels wide; validated.
+// A valid camera, up to `most` pixels wide.
 inline Camera small_camera(Input& in, int most, bool wide) {
   Camera camera;
   camera.model = wide && in.chance(4) ? CameraModel(in.between(1, 2)) : CameraModel::perspective;
@@ -76,7 +76,7 @@ inline Camera small_camera(Input& in, int most, bool wide) {
   return camera;
 }
 
-// Faces of 1 to `most` texels: a ground with a few any values.
+// Faces of 1 to `most` texels: a ground with a few values of any kind.
 inline CubeMap any_map(Input& in, int most) {
   const int n = in.between(1, most);
   std::vector<glm::vec3> faces(std::size_t(6 * n * n),

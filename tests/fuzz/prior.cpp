@@ -1,4 +1,4 @@
-// A map from before, of any size and content, under pictures of any content.
+// A prior map of any size and content, under pictures of any content.
 #include "capture_run.h"
 
 namespace fastibl {

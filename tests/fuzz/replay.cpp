@@ -1,6 +1,6 @@
-// Runs a target without libFuzzer. Arguments: files and folders of seeds, and numbers: that many
-// random inputs, the same ones every time. The one that it stops at, or hangs in, is left in
-// ./random-input.
+// Runs a target without libFuzzer. Arguments: files and folders of seeds, and numbers. A number
+// runs that many random inputs, the same ones every time. The random input at which it stops or
+// hangs is left in ./random-input.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -25,7 +25,7 @@ void run(const std::vector<char>& bytes) {
 
 void run_file(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
-  std::fprintf(stderr, "%s\n", path.c_str());  // so that a crash says whose it is
+  std::fprintf(stderr, "%s\n", path.c_str());  // so that one sees which file crashes
   run({std::istreambuf_iterator<char>(file), {}});
 }
 

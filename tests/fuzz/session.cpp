@@ -1,4 +1,4 @@
-// Plans of anything, and a short life of a Session: changes and frames in any order.
+// Plans with any inputs, and a short life of a Session: changes and frames in any order.
 #include "fastibl/render/session.h"
 
 #include "fastibl/render/make_scene.h"
@@ -17,7 +17,7 @@ Material material(Input& in) {
     pbr.roughness = in.chance(6) ? in.any() : in.share();
     pbr.anisotropy = in.chance(4) ? 1.0f : 0.0f;
     [[maybe_unused]] static const auto kept =
-        std::pair(GgxAlbedo::of(0), GgxAlbedo::of(1));  // tables that take long
+        std::pair(GgxAlbedo::of(0), GgxAlbedo::of(1));  // kept, because the tables take long
     if (in.chance(6)) pbr.emission = colour();
     return Material::make_pbr(pbr);
   }

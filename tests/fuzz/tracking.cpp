@@ -1,4 +1,4 @@
-// Tags as a detector may bring them, and pictures of anything, from any pose to start from.
+// Tags as a detector may return them, and pictures of anything, tracked from any starting pose.
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/rotation_tracker.h"
 #include "pictures.h"
@@ -36,7 +36,7 @@ Camera camera_of(Input& in) {
   return camera;
 }
 
-// Before the camera, more or less facing it.
+// A pose in front of the camera, more or less facing it.
 Pose facing(Input& in) {
   const glm::dmat3 upright(1, 0, 0, 0, -1, 0, 0, 0, -1);
   return {rotation_from_vector(0.6 * glm::dvec3(in.near3())) * upright,
@@ -64,7 +64,7 @@ std::vector<DetectedTag> tags_of(Input& in, const Board& board, const Camera& ca
   return tags;
 }
 
-// The board as the camera sees it, roughly: black tags on white, with noise of the input's bytes.
+// Roughly the board as the camera sees it: black tags on white, with noise from the input's bytes.
 Image<std::uint8_t> picture_of(Input& in, const Board& board, const Camera& camera,
                                const Pose& pose) {
   Image<std::uint8_t> grey(camera.width, camera.height, 1,
