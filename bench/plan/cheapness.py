@@ -24,7 +24,7 @@ STEPS = ("diffuse", "glossy", "self_shadow", "shadow", "bounce")
 RATIO = 1.25
 MOVING = 4  # frames in a row with new light until a session takes it for moving light
 REPETITIONS = 5
-# Each map, mesh and material is among them; glossy ones of a few candidates each.
+# Each map is among them, two meshes and five materials; glossy ones have few candidates each.
 CASES = (
     Case("potsdamer_platz", "spot", "white"),
     Case("kiara_1_dawn", "teapot", "clay"),

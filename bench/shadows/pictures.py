@@ -38,7 +38,7 @@ _GAIN = 10  # factor on the differences
 
 @dataclass(frozen=True)
 class View:
-    """Pixels of a camera: points of the plane (h, w, 2), and the object's coverage (h, w) and normals, P_V there."""
+    """Pixels of a camera: points of the plane (h, w, 2), the object's coverage (h, w), and where its pieces lie."""
 
     points: NDArray
     alpha: NDArray

@@ -14,7 +14,7 @@ float decoded(float value, Coding coding) {
   return coding == Coding::normal ? 2 * value - 1 : value;
 }
 
-// array: a picture (h, w, 3), or (h, w) or (h, w, 1) for one channel; uint8, or float as it is.
+// array: a picture (h, w, 3), or (h, w) or (h, w, 1) for one channel; uint8, or float from 0 to 1.
 std::shared_ptr<const SurfaceTexture> texture(const py::array& array, const char* name,
                                               int channels, Coding coding,
                                               const SurfaceTexture::Wraps& wraps) {

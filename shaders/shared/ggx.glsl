@@ -111,8 +111,8 @@ FN float blur_level(float face_size, float width) {
 
 // Fresnel by Schlick from the albedos (f0 term, rest) of single scattering, and the light that is scattered more than
 // once, with the lobe's own shape: Turquin 2019, Practical multiple scattering compensation for microfacet models.
-// front, edge: light that single scattering reflects, its Fresnel term's f0 and 1 − f0 left out: what the lobe weighs
-// with 1 − (1 − v·h)^5 and with (1 − v·h)^5.
+// front, edge: light that single scattering reflects, weighed by the lobe with 1 − (1 − v·h)^5, which f0 still
+// multiplies, and with (1 − v·h)^5.
 FN vec3 ggx_reflected(vec3 f0, vec2 albedo, vec3 front, vec3 edge) {
   float whole = max(albedo.x + albedo.y, 1e-4f);
   return (f0 * front + edge) * (1.0f + f0 * (1.0f / whole - 1.0f));

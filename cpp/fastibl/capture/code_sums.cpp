@@ -45,8 +45,9 @@ FASTIBL_CLONES bool to_pixels(const std::uint32_t* sums, int pairs, float* pixel
 }
 
 #ifdef FASTIBL_BYTE_SHUFFLES
-// Holds the table of 256 codes as three planes of bytes in registers: four shuffles look up 64
-// codes. Makes four outputs at a time; returns how many were made, or −1 if a pixel is clipped.
+// Holds the table of 256 codes as three planes of bytes in registers: of each plane, two shuffles
+// look up 64 codes. Makes four outputs at a time, whose clipped pixels it counts; returns how many
+// were made.
 __attribute__((target("avx512f,avx512bw,avx512vbmi,avx512vnni"))) int shuffle_codes(
     const std::uint8_t* planes, int clipped_code, const std::uint8_t* a, const std::uint8_t* b,
     int pairs, float* pixels, std::uint32_t* clipped) {

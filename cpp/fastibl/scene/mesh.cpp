@@ -102,8 +102,8 @@ class Parts {
   std::vector<int> above_;
 };
 
-// Six times the volume that a triangle spans with the middle of its mesh; below 0 where it is seen
-// from its back there.
+// Six times the volume that a triangle spans with the middle of its mesh; below 0 where the
+// triangle's front faces that middle.
 class SixVolumes {
  public:
   explicit SixVolumes(const Mesh& mesh) : mesh_(mesh), middle_(bounds(mesh.vertices).centre()) {}

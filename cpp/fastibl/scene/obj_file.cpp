@@ -326,7 +326,8 @@ Mesh read_obj(std::string_view text, const ObjOptions& options, ObjMaterials* ma
   if (normals.empty() && !std::all_of(corners.begin(), corners.end(), has(2)))
     for (Corner& corner : corners) corner[2] = -1;
   const bool with_uvs = options.uvs && std::any_of(corners.begin(), corners.end(), has(1));
-  const bool with_normals = with_uvs || materials || std::any_of(corners.begin(), corners.end(), has(2));
+  const bool with_normals =
+      with_uvs || materials || std::any_of(corners.begin(), corners.end(), has(2));
   make_linear(colors);
 
   std::vector<Vertex> vertices;  // of the corners

@@ -51,7 +51,7 @@ def _diffuse() -> Iterator[Case]:
             yield Case(
                 "diffuse",
                 f"{name}, {method}",
-                "finite, never negative, no brighter than the map; exact where all is even, near the truth elsewhere",
+                "finite, not negative, at most 1.5 times the map's largest; exact for even light, else near the truth",
                 partial(_irradiance, name, method),
             )
     for what, normals, kind in (
@@ -127,7 +127,7 @@ def _glossy() -> Iterator[Case]:
             yield Case(
                 "glossy",
                 f"exponent {exponent:g}, {method}, all maps",
-                "finite, never negative, no brighter than the map; an even map as it is",
+                "finite, never negative, at most 1.5 times the map's largest; an even map as it is",
                 partial(each, MAPS, _lobe, method, exponent),
             )
         for normalization in ("paper", "exact"):
@@ -192,7 +192,7 @@ def _refused_ggx(options: dict[str, Any]) -> Outcome:
 
 
 def _of_map(light: NDArray, name: str, cube: CubeMap) -> Outcome:
-    """Whether it is light, no brighter than the map; of a constant map, that constant."""
+    """Whether it is light, at most 1.5 times the map's largest; of a constant map, that constant."""
     found = is_light(light, OVERSHOOT * np.maximum(cube.faces.max(axis=(0, 1, 2)), 1e-37), "light")
     if found.held and name in CONSTANT:
         return equal(light, CONSTANT[name], 2e-6, f"{name}: light")
@@ -219,14 +219,14 @@ def _ggx() -> Iterator[Case]:
             yield Case(
                 "ggx",
                 f"alpha {alpha:g}, {method}, all maps",
-                "finite, never negative, no brighter than the map; an even map as it is",
+                "finite, never negative, at most 1.5 times the map's largest; an even map as it is",
                 partial(each, MAPS, _ggx_lobe, method, (alpha, alpha)),
             )
         for alphas in ((0.0, 1.0), (1.0, 0.0), (0.02, 1.0), (1.0, 1e-6)):
             yield Case(
                 "ggx",
                 f"alpha {alphas[0]:g} by {alphas[1]:g}, {method}, all maps",
-                "finite, never negative, no brighter than the map; an even map as it is",
+                "finite, never negative, at most 1.5 times the map's largest; an even map as it is",
                 partial(each, MAPS, _ggx_lobe, method, alphas),
             )
         yield Case(

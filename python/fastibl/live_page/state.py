@@ -57,7 +57,7 @@ def state_of(snapshot: Snapshot, light: Light, advice: BoardAdvice) -> dict[str,
 
 
 def _medians(snapshot: Snapshot) -> dict[str, float]:
-    """Milliseconds by pass: median of the last frames in which it ran, and how often it did."""
+    """Milliseconds by pass: median of the last frames in which it ran."""
     names = sorted({name for timing in snapshot.timings for name in timing})
     return {name: 1e3 * median([t[name] for t in snapshot.timings if name in t]) for name in names}
 

@@ -1,7 +1,7 @@
 """Points of error against time, and the frontier that nothing beats.
 
-A row is a point where it has both an error and a time; rows that differ in the exponent alone are one point, their
-mean.
+A row is a point where it has both an error and a time. Rows that differ in the exponent alone are one point: the mean
+of their errors, the median of their times.
 """
 
 from __future__ import annotations
