@@ -70,7 +70,8 @@ def nothing(item, path):
 
 
 def results(out):
-    return {p.name: p.read_bytes() for p in Path(out).iterdir() if p.is_file() and p.name != "summary.json"}
+    files = (p for p in Path(out).iterdir() if p.is_file() and p.name not in ("summary.json", ".running"))
+    return {p.name: p.read_bytes() for p in files}
 
 
 def with_threads(function, items, out, **others):
@@ -283,6 +284,26 @@ def test_an_item_that_is_interrupted_fails_alone(tmp_path):
     summary = batch.run(interrupted, range(4), tmp_path, workers=2, progress=False)
     assert [item.state for item in summary.items] == ["done", "failed", "done", "done"]
     assert "KeyboardInterrupt" in summary.items[1].error
+
+
+def test_a_second_run_beside_the_first_is_refused(tmp_path):
+    """It threw away what the first was writing."""
+    pytest.importorskip("fcntl")
+    run = lambda function: batch.run(function, [1], tmp_path / "out", executor=ThreadPoolExecutor(1), progress=False)  # noqa: E731
+    told = []
+
+    def meanwhile(item, path):
+        try:
+            run(light_of)
+        except RuntimeError as error:
+            told.append(str(error))
+        path.write_text("whole")
+
+    assert run(meanwhile).items[0].state == "done"
+    assert len(told) == 1 and "another run is working on" in told[0] and "out" in told[0]
+    assert (tmp_path / "out" / "1").read_text() == "whole"
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["1", "summary.json"]
+    assert run(meanwhile).items[0].state == "kept"
 
 
 def test_threads_are_what_they_were(tmp_path):

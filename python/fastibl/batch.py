@@ -18,7 +18,7 @@ A function makes one result from one item, as a file or a folder at a path that 
   install distributed`), `executor=dask.distributed.Client("scheduler:8786")`, with `out` a folder that all of them
   share.
 
-Only one run at a time may work on one `out`.
+Only one run at a time may work on one `out`: another one is refused.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from .expected import expect
 
 _UNFINISHED = ".unfinished"  # folder in `out` for results that are being written
 _SUMMARY = "summary.json"
+_LOCK = ".running"  # held by the run that works on `out`
 
 
 @dataclass(frozen=True)
@@ -112,8 +113,8 @@ def run(
     progress: whether to show a bar.
 
     Raises ValueError for two items with the same name, a name that is not a file name, or fewer than one worker or
-    thread; TypeError for one path instead of items, and for what is not an executor. What items raise is in the
-    summary.
+    thread; TypeError for one path instead of items, and for what is not an executor; RuntimeError where another run is
+    working on `out`. What items raise is in the summary.
     """
     for number, what in ((workers, "workers"), (threads, "threads")):
         expect(number, (SupportsIndex, type(None)), what)
@@ -126,13 +127,27 @@ def run(
     if executor is not None and not hasattr(executor, "submit"):
         raise TypeError(f"an executor needs submit(function, *arguments), got {type(executor).__name__}")
     out.mkdir(parents=True, exist_ok=True)
+    with _alone(out):
+        return _run(function, dict(zip(names, items, strict=True)), out, executor, workers, threads, progress)
+
+
+def _run(
+    function: Callable[[Any, Path], object],
+    items: dict[str, Any],
+    out: Path,
+    executor: Any,
+    workers: int | None,
+    threads: int | None,
+    progress: bool,
+) -> Summary:
+    """The same for items by the names of their results."""
     shutil.rmtree(out / _UNFINISHED, ignore_errors=True)  # left by a run that was killed
     begin = time.perf_counter()
-    results = {n: Item(n, "kept") for n in names if (out / n).exists()}
-    todo = {n: item for n, item in zip(names, items, strict=True) if n not in results}
+    results = {n: Item(n, "kept") for n in items if (out / n).exists()}
+    todo = {n: item for n, item in items.items() if n not in results}
     before = threads_now()
     try:
-        with _bar(len(names), len(results), progress) as bar:
+        with _bar(len(items), len(results), progress) as bar:
             for item in _every(executor, workers, function, todo, out.absolute(), threads):
                 results[item.name] = item
                 bar.update()
@@ -140,10 +155,31 @@ def run(
                     bar.write(f"{item.name}: {item.error}")
     finally:
         set_threads(before)  # items that ran in this process changed the number of threads
-    summary = Summary(tuple(results[n] for n in names), time.perf_counter() - begin)
+    summary = Summary(tuple(results[n] for n in items), time.perf_counter() - begin)
     shutil.rmtree(out / _UNFINISHED, ignore_errors=True)
     _write_summary(out, summary)
     return summary
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Raises RuntimeError where another run works on `out`. Nothing is checked where files cannot be locked."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with open(out / _LOCK, "a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RuntimeError(f"another run is working on {out}; only one at a time may") from None
+        except OSError:  # a shared folder without locks
+            pass
+        try:
+            yield
+        finally:
+            (out / _LOCK).unlink(missing_ok=True)
 
 
 def _name_of(item: Any) -> str:
@@ -154,7 +190,7 @@ def _names(items: list[Any], name: Callable[[Any], str], suffix: str) -> list[st
     names: dict[str, Any] = {}
     for item in items:
         n = name(item) + suffix
-        if n in ("", ".", "..", _UNFINISHED, _SUMMARY) or Path(n).name != n:
+        if n in ("", ".", "..", _UNFINISHED, _SUMMARY, _LOCK) or Path(n).name != n:
             raise ValueError(f"{n!r}, the name of the result of {item!r}, is no name of a file")
         if n in names:
             raise ValueError(f"{names[n]!r} and {item!r} would both give {n}; tell them apart with name=")
