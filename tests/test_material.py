@@ -474,8 +474,8 @@ def test_gltf_of_text_with_nodes(tmp_path):
     path.write_text("{")
     same_error(lambda: fastibl.read_object(path), ValueError, str(path))
     same_error(lambda: fastibl.read_object(tmp_path / "none.glb"), FileNotFoundError, "none.glb")
-    (tmp_path / "mesh.obj").write_text("v 0 0 0")
-    same_error(lambda: fastibl.read_object(tmp_path / "mesh.obj"), ValueError, "read_mesh")
+    (tmp_path / "mesh.stl").write_text("solid a")
+    same_error(lambda: fastibl.read_object(tmp_path / "mesh.stl"), ValueError, "read_mesh")
 
 
 # --- the true renderer
