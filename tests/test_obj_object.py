@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from test_material import ABOVE, FROM_ABOVE, WHITE, emitting, layer_of, square
+from test_mesh_files import Gltf
 
 import fastibl
 from conftest import same_error
@@ -157,4 +158,26 @@ def test_edges_stay_as_they_are(tmp_path):
 def test_warnings_point_at_the_call(tmp_path):
     with pytest.warns(UserWarning) as told:
         fastibl.read_object(written(tmp_path, None))
+    assert told[0].filename == __file__
+
+
+def test_several_libraries_and_tabs(tmp_path):
+    """Every name that is not there is told; words may lie apart by tabs."""
+    (tmp_path / "c.mtl").write_text("newmtl\ta\n\tKd\t0.5 0.25\t0.1\n")
+    path = written(tmp_path, None, "usemtl a\n" + QUAD, name="b.mtl c.mtl d.mtl")
+    with pytest.warns(UserWarning, match=r"left out are b.mtl \(not there\), d.mtl \(not there\)"):
+        material = fastibl.read_object(path, up="z")[1]
+    assert material.base_color == pytest.approx((0.5, 0.25, 0.1))
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.gltf"])
+def test_an_object_far_from_its_origin_is_told(name, tmp_path):
+    path = written(tmp_path, "newmtl a\nKd 1 0 0\n", "usemtl a\n" + QUAD)
+    path.write_text(path.read_text().replace("v 0.1 ", "v 100000.1 ").replace("v -0.1 ", "v 99999.9 "))
+    if name == "a.gltf":
+        file = Gltf()
+        place = file.add(np.float32([(1e5, 0, 0), (1e5 + 1, 0, 0), (1e5, 1, 0)]))
+        path = file.write(tmp_path / name, [{"attributes": {"POSITION": place}}])
+    with pytest.warns(UserWarning, match="away from its origin") as told:
+        fastibl.read_object(path)
     assert told[0].filename == __file__

@@ -49,7 +49,7 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
     if mesh is None or len(mesh.triangles) == 0:
         raise ValueError(f"{path} holds no triangles")
-    _warn_if_far(path, mesh)
+    _warn_if_far(path, mesh, stacklevel=3)
     return _turned(mesh, up)
 
 
@@ -80,6 +80,7 @@ def mesh_and_material(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh
             mesh, material = reader(path)
         except ValueError as error:
             raise ValueError(f"{path} is not an object that can be read: {error}") from error
+        _warn_if_far(path, mesh, stacklevel=4)
         mesh = _turned(mesh, up)
     if material is None and mesh.colors is not None:
         material = Material(diffuse=(1, 1, 1))
@@ -101,14 +102,14 @@ def _turned(mesh: Mesh, up: str) -> Mesh:
     return Mesh(turn(mesh.vertices), mesh.triangles, mesh.uvs, turn(mesh._given_normals), mesh.colors)
 
 
-def _warn_if_far(path: Path, mesh: Mesh) -> None:
+def _warn_if_far(path: Path, mesh: Mesh, stacklevel: int) -> None:
     """Coordinates are kept with 24 bits: a scan in the coordinates of a map keeps too few of them for its detail."""
     size, away = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
     if size < 1e-4 * away:
         warnings.warn(
             f"{path} is {size:g} wide and {away:g} away from its origin: its places are rounded to {away * 6e-8:.1g}; "
             "move it to its origin first",
-            stacklevel=3,
+            stacklevel=stacklevel,
         )
 
 

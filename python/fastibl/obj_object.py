@@ -39,6 +39,8 @@ def read(path: Path) -> tuple[Mesh, Material | None]:
     Raises ValueError for what cannot be read, and says why.
     """
     data = file_bytes(path)
+    if b"mtllib" not in data:  # parsed once
+        return _read_obj(data, colors=True), None
     mesh, libraries, names, of_triangles = _read_obj_materials(data)
     library = _Library(path, len(data))
     for line in libraries:
@@ -85,19 +87,23 @@ class _Library:
 
     def read(self, line: str) -> None:
         """Reads the files of an mtllib line: one name, which may contain spaces, or several names without spaces."""
-        texts = [self._text(line)]
-        if texts == [None] and len(line.split()) > 1:
-            texts = [self._text(name) for name in line.split()]
-        if texts == [None]:
-            self._left_out[f"{line} (not there)"] = None
+        texts = {line: self._text(line)}
+        if texts[line] is None and len(line.split()) > 1:
+            texts = {name: self._text(name) for name in line.split()}
+        for name, text in texts.items():
+            if text is None:
+                self._left_out[f"{name} (not there)"] = None
+            else:
+                self._add(text)
+
+    def _add(self, text: str) -> None:
         material: dict[str, list[str]] = {}
-        for text in texts:
-            for row in (text or "").replace("\\\n", " ").splitlines():
-                kind, _, rest = row.split("#")[0].strip().partition(" ")
-                if kind == "newmtl":
-                    material = self.materials.setdefault(rest.strip(), {})
-                elif kind:
-                    material[kind.lower()] = rest.split()
+        for row in text.replace("\\\n", " ").splitlines():
+            kind, *rest = row.split("#")[0].split(maxsplit=1) or [""]
+            if kind == "newmtl":
+                material = self.materials.setdefault("".join(rest).strip(), {})
+            else:
+                material[kind.lower()] = "".join(rest).split()
 
     def _text(self, name: str) -> str | None:
         try:
