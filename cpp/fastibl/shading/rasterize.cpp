@@ -350,19 +350,16 @@ void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const 
     Fragment f{means[i]};
     f.x = part.x, f.y = part.y, f.triangle = t.name, f.coverage = float(part.count) / kSamples;
     const auto corner = [&](int k) { return std::size_t(t.corners[k]); };
+    const auto here = [&](const auto& values) {  // interpolated between the corners' values
+      const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
+      return w.x * values[corner(0)] + w.y * values[corner(1)] + w.z * values[corner(2)];
+    };
     if (g.surface) f.tangent.w = f.tangent.w < 0 ? -1 : 1;
     if (!g.fronts_only && is_back(corners_[corner(0)], corners_[corner(1)], corners_[corner(2)])) {
       f.normal = -f.normal, f.tangent = -f.tangent;  // what is a bump is a dent from here
-      if (!g.back_shares.empty()) {
-        const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
-        f.share = w.x * g.back_shares[corner(0)] + w.y * g.back_shares[corner(1)] +
-                  w.z * g.back_shares[corner(2)];
-      }
+      if (!g.back_shares.empty()) f.share = here(g.back_shares);
     }
-    if (!g.colors.empty()) {
-      const glm::vec3 w = t.shares(part.picture_x(), part.picture_y());
-      f.color = w.x * g.colors[corner(0)] + w.y * g.colors[corner(1)] + w.z * g.colors[corner(2)];
-    }
+    if (!g.colors.empty()) f.color = here(g.colors);
     const float length = glm::length(f.normal);
     f.normal = length > 0 ? f.normal * (1 / length) : glm::vec3(0, 0, 1);
     if (g.textured) {
