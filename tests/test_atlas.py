@@ -12,6 +12,7 @@ from test_mesh_files import Gltf
 import fastibl
 from conftest import same_error
 from fastibl.atlas import packed
+from fastibl.uv_borders import single_copies
 
 BLACK = fastibl.CubeMap(np.zeros((6, 4, 4, 3), np.float32))
 WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
@@ -144,12 +145,84 @@ def test_uvs_beyond_the_picture_are_folded(offset, wrap, tmp_path):
     np.testing.assert_allclose(beside, alone, atol=1e-4)
 
 
-@pytest.mark.parametrize("wrap, words", [("repeat", "repeats"), ("clamp", "crosses"), ("mirror", "crosses")])
-def test_triangles_across_a_border_are_refused(wrap, words, tmp_path):
-    for uvs in (CORNERS - [0.5, 0], CORNERS + [0, 0.5], CORNERS * 3 - 1):
-        path = write(tmp_path / "a.gltf", picture_of(8, 8), uvs, wrap)
-        same_error(lambda p=path: fastibl.read_object(p), ValueError, "a.gltf", words, "one material only")
-        fastibl.read_object(write(tmp_path / "b.gltf", picture_of(8, 8), uvs, wrap, materials=1))
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize(
+    "uvs", [CORNERS - [0.5, 0], CORNERS + [0, 0.5], CORNERS * 3 - 1, (CORNERS * 2.7 - 0.4) @ [[0.8, -0.6], [0.6, 0.8]]]
+)
+def test_triangles_across_a_border_look_as_alone(uvs, wrap, tmp_path):
+    for size in ((8, 8), (5, 3)):
+        alone = seen(write(tmp_path / "a.gltf", picture_of(*size), uvs, wrap, materials=1))
+        beside = seen(write(tmp_path / "b.gltf", picture_of(*size), uvs, wrap))
+        assert alone.std() > 0.05
+        # Where a pixel shows two triangles, each is shaded in the middle of what it shows of it.
+        error = np.abs(beside - alone).max(axis=-1)
+        assert np.median(error) < 3e-4 and error.mean() < 1e-3 and error.max() < 0.1
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_bumps_across_a_border_look_as_alone(wrap, tmp_path):
+    """Also where the texture is mirrored: its bumps then are, too, but not the surface."""
+    light = fastibl.CubeMap(np.random.default_rng(3).uniform(0, 2, (6, 8, 8, 3)).astype(np.float32))
+    bumps = np.full((8, 8, 3), 255)
+    bumps[..., :2] = np.random.default_rng(5).integers(60, 196, (8, 8, 2))
+    length = np.sqrt(np.maximum(127.5**2 - ((bumps[..., :2] - 127.5) ** 2).sum(axis=-1), 0))
+    bumps[..., 2] = np.round(127.5 + length)
+    more = {"normalTexture": {"index": 0}, "emissiveFactor": [0, 0, 0],
+            "pbrMetallicRoughness": {"metallicFactor": 1.0, "roughnessFactor": 0.3}}  # fmt: skip
+    layers = []
+    for materials in (1, 2):
+        path = write(tmp_path / f"{materials}.gltf", bumps, CORNERS * 2.2 - 0.6, wrap, materials, **more)
+        layers.append(layer_of(*fastibl.read_object(path, up="z"), light, FROM_ABOVE, ABOVE)[..., :3])
+    flat = layer_of(square(), fastibl.Material.pbr((1, 1, 1), 1.0, 0.3), light, FROM_ABOVE, ABOVE)[..., :3]
+    assert np.abs(layers[0] - flat).mean() > 0.05
+    error = np.abs(layers[1] - layers[0]).max(axis=-1)
+    print(f"{wrap}: median {np.median(error):.5f}, mean {error.mean():.5f}, largest {error.max():.3f}")
+    assert np.median(error) < 3e-3 and error.mean() < 1e-2
+
+
+def torus():
+    """Closed, apart from the seams of its uvs; and its vertices' uvs, 3.3 and 2 copies of a texture around it."""
+    a, b = np.meshgrid(np.arange(25), np.arange(17), indexing="ij")
+    u, v = 2 * np.pi * (a % 24) / 24, 2 * np.pi * (b % 16) / 16
+    points = np.stack([(2 + np.cos(v)) * np.cos(u), (2 + np.cos(v)) * np.sin(u), np.sin(v)], axis=-1).reshape(-1, 3)
+    at = (17 * a + b)[:-1, :-1].reshape(-1)
+    triangles = np.concatenate([np.stack([at, at + 17, at + 18], 1), np.stack([at, at + 18, at + 1], 1)])
+    return points, np.stack([3.3 * a / 24, 2 * b / 16 - 0.4], axis=-1).reshape(-1, 2), triangles
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+def test_cut_triangles_are_the_same_surface(wrap):
+    """Closed as it was, of the same area, and what vertices carry is where it was."""
+    points, uvs, triangles = torus()
+    carried = np.hstack([points, uvs])
+    at, values, cut = single_copies(uvs, carried, triangles, (wrap, "repeat"))
+    assert len(cut) > len(triangles) and at.min() > -0.032 and at.max() < 1.032
+    corners = values[cut]
+    area = lambda p, t: np.linalg.norm(np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]]), axis=1).sum()  # noqa: E731
+    assert area(values[:, :3], cut) == pytest.approx(area(points, triangles), rel=1e-12)
+    # Each corner's place in the texture is that of its uvs, copies apart.
+    off = corners[..., 3:] - at[cut]
+    if wrap == "clamp":
+        off[..., 0] = 0
+        u = corners[..., 3]
+        np.testing.assert_allclose(at[cut][..., 0][u <= 1], u[u <= 1], atol=1e-9)
+        assert (at[cut][..., 0][u > 1.001] > 1).all()
+    np.testing.assert_allclose(off, np.round(off), atol=1e-9)
+    np.testing.assert_allclose(off, off[:, :1] + 0 * off, atol=1e-9)
+    # Every edge has another triangle beside it.
+    _, same = np.unique(np.round(values[:, :3], 9), axis=0, return_inverse=True)
+    t = same.reshape(-1)[cut]
+    edges = np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def test_as_many_copies_as_a_picture_can_show(tmp_path):
+    for uvs, times in ((CORNERS * 1000, 1000000), (CORNERS * [1e6, 1e-6], 2000000)):
+        path = write(tmp_path / "a.gltf", picture_of(8, 8), uvs)
+        same_error(lambda p=path: fastibl.read_object(p), ValueError, "a.gltf", f"repeats {times} times")
+        fastibl.read_object(write(tmp_path / "b.gltf", picture_of(8, 8), uvs, materials=1))
+    mesh, _ = fastibl.read_object(write(tmp_path / "a.gltf", picture_of(8, 8), CORNERS * 100))
+    assert len(mesh.triangles) == 2 * 100**2 + 2
 
 
 # --- where they lie

@@ -120,6 +120,26 @@ def test_what_is_missing_or_left_out_is_said(tmp_path):
     assert len(mesh.triangles) == 2 and material.model == "pbr"
 
 
+def test_pictures_of_other_kinds_are_left_out(tmp_path):
+    """Kd stands in for them, and they are named once."""
+    (tmp_path / "Wood.TGA").write_bytes(bytes(60))
+    path = written(tmp_path, "newmtl a\nKd 0.4 0.3 0.2\nmap_Kd Wood.TGA\nmap_Ke Wood.TGA\n", "usemtl a\n" + QUAD)
+    with pytest.warns(UserWarning, match=r"left out are Wood.TGA \(neither PNG nor JPEG\)$"):
+        material = fastibl.read_object(path, up="z")[1]
+    assert material.base_color == pytest.approx((0.4, 0.3, 0.2)) and material.emission == (0, 0, 0)
+
+
+def test_pictures_that_repeat_beside_other_materials(tmp_path):
+    """Seen as emission: each half as it is alone."""
+    picture(tmp_path / "a.png", size=(16, 16))
+    mtl = "newmtl a\nKd 0 0 0\nmap_Ke -s 3 2 -o 0.3 0.1 a.png\nnewmtl b b\nKd 0.1 0.1 0.9\n"
+    both = layer_of(*read(written(tmp_path, mtl, HALVES)), BLACK, FROM_ABOVE, ABOVE)[..., :3]
+    alone = layer_of(*read(written(tmp_path, mtl, "usemtl a\n" + QUAD)), BLACK, FROM_ABOVE, ABOVE)[..., :3]
+    x, y = np.meshgrid(np.arange(64), 63 - np.arange(64))
+    error = np.abs(both - alone).max(axis=-1)[x > y + 2]
+    assert alone.std() > 0.05 and np.median(error) < 1e-3 and error.mean() < 5e-3 and both[x < y - 2].max() == 0
+
+
 def test_strangers_files_stay_in_their_folder(tmp_path):
     picture(tmp_path / "secret.png")
     inside = tmp_path / "inside"

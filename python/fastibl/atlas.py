@@ -40,18 +40,23 @@ class Cell:
     def top(self) -> int:
         return (self.height - self.rows) // 2
 
-    def filled(self, picture: NDArray, wraps: tuple[str, str]) -> NDArray[np.float32]:
-        """(height, width, c): the picture (h, w, c) in its place, continued into the margin around it."""
+    def filled(self, picture: NDArray, wraps: tuple[str, str], copies: tuple[int, int] = (1, 1)) -> NDArray[np.float32]:
+        """(height, width, c): the picture (h, w, c) in its place, continued into the margin around it. copies: how many
+        times it fills that place, along its columns and rows."""
         import cv2
 
-        size = min(self.columns, picture.shape[1]), min(self.rows, picture.shape[0])
+        size = min(self.columns // copies[0], picture.shape[1]), min(self.rows // copies[1], picture.shape[0])
+        size = max(size[0], 1), max(size[1], 1)
         if size != picture.shape[1::-1]:
             picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], -1)
         out = picture.astype(np.float32, copy=False)
         for axis, (start, n, size_of_cell) in enumerate(
             ((self.top, self.rows, self.height), (self.left, self.columns, self.width))
         ):
-            at = (np.arange(size_of_cell) - start + 0.5) * (out.shape[axis] / n) - 0.5
+            many, texels = copies[1 - axis], out.shape[axis]
+            at = (np.arange(size_of_cell) - start + 0.5) * (many * texels / n) - 0.5
+            if axis == 0:  # the first copy is the lowest
+                at -= (many - 1) * texels
             first = np.floor(at).astype(int)
             weight = (at - first).astype(np.float32)
             here, next_ = (_wrapped(first + k, out.shape[axis], wraps[1 - axis]) for k in (0, 1))
@@ -90,25 +95,6 @@ def packed(sizes: Sequence[tuple[int, int]]) -> Atlas:
         if longest == 1:
             raise ValueError(f"its {len(sizes)} materials are more than fit into a picture of {_MOST_TEXELS} texels")
         longest = longest * 15 // 16
-
-
-def folded(u: NDArray, triangles: NDArray, wrap: str) -> NDArray:
-    """Coordinates within 0 to 1 that show the same texels. Raises ValueError for a triangle across the texture's
-    border."""
-    corners = u[triangles]
-    if wrap == "repeat":
-        u = u - np.floor(corners.min() + 1e-4)
-        if u[triangles].max() > 1 + 1e-3:
-            raise ValueError("a texture repeats, which is read from files of one material only")
-        return u
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    if wrap == "clamp":
-        across = ((low < -1e-3) & (high > 1e-3)) | ((low < 1 - 1e-3) & (high > 1 + 1e-3))
-    else:
-        across = np.ceil(high - 1e-3) - np.floor(low + 1e-3) > 1
-    if across.any():
-        raise ValueError("a triangle crosses a texture's border, which is read from files of one material only")
-    return np.clip(u, 0, 1) if wrap == "clamp" else 1 - np.abs(1 - u % 2)
 
 
 def _wrapped(i: NDArray[np.int64], n: int, wrap: str) -> NDArray[np.int64]:

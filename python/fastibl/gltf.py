@@ -2,13 +2,12 @@
 
 All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF
 requires. Several materials become one. Materials that look the same share their textures; the textures of the others
-are laid side by side in an atlas (fastibl.atlas). Textures that repeat, or whose borders are crossed by triangles,
-therefore need a file with a single look. A warning says what has to be shrunk there. Vertices' colours (COLOR_0) become
-the mesh's. Left out, with a warning that names them: transparency, morphs, and extensions that add to a material (clear
-coat, sheen, ...). Left out without a warning: occlusion maps (P_V takes their place), points and lines, doubleSided
-(everything is seen from both sides), further sets of colours. Tangents are derived from the uvs; a warning tells where
-a file's own differ. Refused by name: specular-glossiness materials, compressed meshes, and a material whose textures
-lie in different ways on its mesh.
+are laid side by side in an atlas (fastibl.atlas), and triangles across their borders are cut (fastibl.uv_borders). A
+warning says what has to be shrunk there. Vertices' colours (COLOR_0) become the mesh's. Left out, with a warning that
+names them: transparency, morphs, and extensions that add to a material (clear coat, sheen, ...). Left out without a
+warning: occlusion maps (P_V takes their place), points and lines, doubleSided (everything is seen from both sides),
+further sets of colours. Tangents are derived from the uvs; a warning tells where a file's own differ. Refused by name:
+specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
 """
 
 from __future__ import annotations

@@ -5,13 +5,13 @@ beside a picture counts as 1), Ke and map_Ke its emission, Pm and map_Pm how met
 roughness, without them that of a lobe as wide as Ns tells (matte where Ks is 0 or illum below 2); norm is a normal map.
 Of pictures -s, -o and -clamp are read. Several materials become one: see fastibl.surfaces. Left out, with a warning
 that names them: transparency (d, Tr, map_d), bumps (map_Bump), colours and shapes of highlights (Ks, map_Ks, map_Ns),
-and files that are not there.
+pictures that are neither PNG nor JPEG, and files that are not there.
 """
 
 from __future__ import annotations
 
 import warnings
-from pathlib import Path, PureWindowsPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ _LEFT_OUT = {
     "map_d": "transparency", "map_bump": "bumps", "bump": "bumps", "map_ks": "highlights of a colour",
     "map_ns": "highlights of several shapes", "disp": "displacement", "refl": "reflection maps",
 }  # fmt: skip
+_OTHER_PICTURES = {".bmp", ".dds", ".exr", ".gif", ".hdr", ".psd", ".tga", ".tif", ".tiff", ".webp"}
 _GREY = 0.8  # of parts without a material
 _MOST_TEXT = 2**24  # bytes of a .mtl
 
@@ -136,6 +137,17 @@ class _Library:
             normal=self._texture(lines, "norm"),
         )
 
+    def _picture(self, name: str) -> NDArray | None:
+        try:
+            data = self._files.bytes(name)
+        except FileNotFoundError:
+            self._left_out[f"{name} (not there)"] = None
+            return None
+        if PurePosixPath(name).suffix.lower() in _OTHER_PICTURES:
+            self._left_out[f"{name} (neither PNG nor JPEG)"] = None
+            return None
+        return self._decoder.decoded(data, name)
+
     def _texture(
         self, lines: dict[str, list[str]], kind: str, factor: Any = 1.0, srgb: bool = False, channel: int | None = None
     ) -> Texture | None:
@@ -148,13 +160,9 @@ class _Library:
             options[option] = given
         name = _here(" ".join(words))
         if name not in self._pictures:
-            try:
-                self._pictures[name] = self._decoder.decoded(self._files.bytes(name), name)
-            except FileNotFoundError:
-                self._pictures[name] = None
+            self._pictures[name] = self._picture(name)
         picture = self._pictures[name]
         if picture is None:
-            self._left_out[f"{name} (not there)"] = None
             return None
         (su, sv), (u, v) = _pair(options.get("-s", []), 1.0), _pair(options.get("-o", []), 0.0)
         # v goes upwards here, but downwards in a Lie.

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, Response
-from .atlas import folded, packed
+from .atlas import packed
 from .file_limits import MOST_PIXELS
 from .picture_headers import jpeg_size, png_size
 from .pictures import decode_picture, unit
+from .uv_borders import single_copies
 
 
 class Pictures:
@@ -146,9 +147,12 @@ class Part:
     colors: NDArray | None = None  # (n, 3) linear
 
     @property
-    def reaches_beyond(self) -> bool:
-        """Whether uvs lie outside the picture."""
-        return self.uvs is not None and bool(self.uvs.min() < -1e-3 or self.uvs.max() > 1 + 1e-3)
+    def reaches_beyond(self) -> tuple[bool, bool]:
+        """Whether uvs lie outside the picture, along u and v."""
+        if self.uvs is None or len(self.uvs) == 0:
+            return False, False
+        beyond = (self.uvs.min(axis=0) < -1e-3) | (self.uvs.max(axis=0) > 1 + 1e-3)
+        return bool(beyond[0]), bool(beyond[1])
 
     def lay(self, surface: Surface) -> None:
         """Chooses the uvs that a surface's textures are read with."""
@@ -158,6 +162,26 @@ class Part:
         (lie,) = lies
         if lie.uvs in self.sets:
             self.uvs = lie.applied(self.sets[lie.uvs]) * [1, -1] + [0, 1]
+
+    def cut(self, wraps: tuple[str, str], copies: tuple[int, int]) -> NDArray:
+        """Cuts its triangles at the borders of a texture, and returns its uvs, moved into it. copies: of the texture
+        from border to border."""
+        if self.uvs is None:
+            raise ValueError("a mesh with a texture has no uvs")
+        carried = {"vertices": self.vertices, "normals": _unit(self.normals)}
+        carried |= {k: v for k in ("tangents", "colors") if (v := getattr(self, k)) is not None}
+        values = np.hstack(list(carried.values()))
+        uvs, values, self.triangles = single_copies(self.uvs / copies, values, self.triangles, wraps)
+        ends = np.cumsum([v.shape[1] for v in carried.values()])
+        for name, columns in zip(carried, np.split(values, ends[:-1], axis=1), strict=True):
+            setattr(self, name, columns)
+        return uvs
+
+
+def _unit(normals: NDArray) -> NDArray:
+    """0 for what has no direction, as of triangles without area: any will do."""
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)
 
 
 def alike(parts: list[Part], surfaces: dict[int, Surface]) -> dict[int, Surface]:
@@ -182,19 +206,27 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
     material's textures."""
     if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
         raise ValueError("its materials differ in anisotropy")
-    atlas = packed([s.size for s in surfaces.values()])
+
+    # A mirrored texture repeats with its mirror image beside it.
+    def copies_of(m: int) -> tuple[int, int]:
+        beyond = [p.reaches_beyond for p in parts if p.material == m]
+        u, v = (2 if w == "mirror" and any(b[k] for b in beyond) else 1 for k, w in enumerate(surfaces[m].wrap))
+        return u, v
+
+    copies = {m: copies_of(m) for m in surfaces}
+    sizes = {m: (s.size[0] * copies[m][0], s.size[1] * copies[m][1]) for m, s in surfaces.items()}
+    atlas = packed(list(sizes.values()))
     where = dict(zip(surfaces, atlas.cells, strict=True))
     for part in parts:
         surface = surfaces[part.material]
+        along_u, along_v = ("clamp" if wrap == "clamp" else "repeat" for wrap in surface.wrap)
         uvs = np.full((len(part.vertices), 2), 0.5)
         if surface.textures:
-            if part.uvs is None:
-                raise ValueError("a mesh with a texture has no uvs")
-            uvs = np.stack([folded(part.uvs[:, k], part.triangles, surface.wrap[k]) for k in (0, 1)], axis=1)
+            uvs = part.cut((along_u, along_v), copies[part.material])
         part.uvs = atlas.moved(where[part.material], uvs)
     shrunk = {
         f"{w} x {h} to {where[m].columns} x {where[m].rows}"
-        for m, (w, h) in ((m, s.size) for m, s in surfaces.items())
+        for m, (w, h) in sizes.items()
         if (w, h) != (where[m].columns, where[m].rows)
     }
 
@@ -216,9 +248,9 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
             filled: dict[Any, NDArray[np.float32]] = {}  # cells of the same size hold the same texels
             for m in materials:
                 cell, wrap = where[m], surfaces[m].wrap
-                key = replace(cell, x=0, y=0), wrap
+                key = replace(cell, x=0, y=0), wrap, copies[m]
                 if key not in filled:
-                    filled[key] = cell.filled(shown, wrap)
+                    filled[key] = cell.filled(shown, wrap, copies[m])
                 place = sheet[cell.y : cell.y + cell.height, cell.x : cell.x + cell.width]
                 np.multiply(filled[key], np.float32(getattr(getattr(surfaces[m], name), "factor", 1.0)), out=place)
         return sheet if channels > 1 else sheet[..., 0]
@@ -240,10 +272,7 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
 
 
 def mesh_of(parts: list[Part]) -> Mesh:
-    # Triangles without area define no normal; any will do.
-    normals = np.concatenate([p.normals for p in parts])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)
+    normals = _unit(np.concatenate([p.normals for p in parts]))
     starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
     return Mesh(
         np.concatenate([p.vertices for p in parts]),
@@ -263,7 +292,7 @@ def joined(path: Path, parts: list[Part], surfaces: dict[int, Surface], stacklev
 
     Raises ValueError for textures that cannot lie side by side; warns of those that had to be shrunk.
     """
-    if any(len(surfaces[p.material].wraps) > 1 and p.reaches_beyond for p in parts):
+    if any(len(surfaces[p.material].wraps) > 1 and any(p.reaches_beyond) for p in parts):
         raise ValueError("its textures go on beyond their borders in different ways")
     if len(surfaces) == 1:
         (surface,) = surfaces.values()
