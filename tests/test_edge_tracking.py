@@ -566,17 +566,19 @@ def test_a_session_follows_by_edges():
 
 
 def test_a_followed_frame_costs_a_fraction_of_a_detected_one():
+    """Side by side, at their quickest: a tenth of it; how many milliseconds is told by `./dev goals capture`."""
     shots = list(film(BOARD, HandPath(0), Look(), 12))
-    times = []
-    for _ in range(4):
-        tracker = fastibl.Tracker(BOARD, CAMERA)
+    followed, detected = [], []
+    for _ in range(3):
+        follower = fastibl.Tracker(BOARD, CAMERA)
         for k, (now, _, image) in enumerate(shots):
-            begin = time.thread_time()
-            tracker.track(image, now)
-            if k >= 2:
-                times.append(1e3 * (time.thread_time() - begin))
-    print(f"\na followed frame: {np.median(times):.2f} ms")
-    assert min(times) < 3
+            for tracker, times in ((follower, followed), (fastibl.Tracker(BOARD, CAMERA), detected)):
+                begin = time.thread_time()
+                tracker.track(image, now)
+                if k >= 2:
+                    times.append(1e3 * (time.thread_time() - begin))
+    print(f"\na followed frame: {min(followed):.2f} ms, a detected one: {min(detected):.2f} ms")
+    assert min(followed) < 0.25 * min(detected)
 
 
 def test_without_times_pictures_without_the_board_count():
