@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from board_pictures import look_at, render
+from scenes import scene_of
 
 import fastibl
 from fastibl.comparison import irradiance_error
@@ -182,7 +183,7 @@ def test_a_session_boosts():
     true = film.truth.environment(0)
     errors = []
     for most in (1.0, 1e4):
-        session = fastibl.Session(fastibl.Scene(fastibl.shapes.figurine(0.2)), film.rig, film.board, most_boost=most)
+        session = fastibl.Session(scene_of(fastibl.shapes.figurine(0.2)), film.rig, film.board, most_boost=most)
         for frame in film:
             if frame.time > 0:
                 result = session.process(frame)

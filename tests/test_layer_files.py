@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scenes import scene_of
 
 import fastibl
 from conftest import same_error
@@ -63,7 +64,7 @@ def test_layers_follow_the_exposure(marked):
 
 def test_without_a_board_nothing_is_laid_over(marked):
     recording = fastibl.simulate(seconds=0.2, fps=10, size=(160, 120), lamp=False, hand=False)
-    session = fastibl.Session(fastibl.Scene(ball()), recording.rig, recording.board)
+    session = fastibl.Session(scene_of(ball()), recording.rig, recording.board)
     for frame in recording:
         session.process(frame)
     assert session.layers.object.any()
@@ -107,7 +108,7 @@ def test_files_that_cannot_be(marked, tmp_path):
 def test_a_plate_beyond_white_stays_white_in_the_shade(marked, backend):
     """Linear plates are multiplied before they are clipped."""
     camera = fastibl.Camera(160, 120, 150, 150, 80, 60)
-    session = fastibl.Session(fastibl.Scene(ball()), fastibl.Rig(camera), environment=marked, backend=backend)
+    session = fastibl.Session(scene_of(ball()), fastibl.Rig(camera), environment=marked, backend=backend)
     pose = fastibl.Pose.look_at((0.25, -0.3, 0.3), (0, 0, 0.04))
     for time, level in enumerate((0.5, 2.0, 4.0)):
         plate = np.full((120, 160, 3), level, np.float32)

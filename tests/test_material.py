@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scenes import scene_of
 from test_gl import needs_gl
 
 import fastibl
@@ -241,7 +242,7 @@ def test_nothing_overflows():
 
 def test_plan_reads_what_the_material_needs():
     def reads(material):
-        scene = fastibl.Scene(sphere(8), material, spheres=0)
+        scene = scene_of(sphere(8), material, spheres=0)
         plan = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=WHITE).plan
         return {line.name: set(line.reads) for line in plan.passes}["shade"]
 
@@ -511,7 +512,7 @@ def figurine_of(exponent):
         if exponent is None
         else fastibl.Material(diffuse=(0,) * 3, glossy=(0.6,) * 3, exponent=exponent)
     )
-    return fastibl.Scene(fastibl.shapes.figurine(0.1), material)
+    return scene_of(fastibl.shapes.figurine(0.1), material)
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scenes import scene_of
 
 import fastibl
 from fastibl.session import with_gl
@@ -43,7 +44,7 @@ def placed(cube, lights, centre=CENTRE):
 
 def session(mesh, environment, material=None, backend="cpu", error=None, **methods):
     methods = {"bounce": "none", **methods}
-    scene = fastibl.Scene(mesh, material or fastibl.Material(diffuse=(1, 1, 1)))
+    scene = scene_of(mesh, material or fastibl.Material(diffuse=(1, 1, 1)))
     # Without a budget: the exact methods, whatever the light.
     return fastibl.Session(scene, fastibl.Rig(CAMERA), None, environment, error=error, methods=methods, backend=backend)
 
@@ -443,7 +444,7 @@ def test_a_lamp_in_the_middle_of_the_map_changes_nothing_there(mesh, method):
     cube = lamp_map(0.03, 0.5)
     layers = []
     for environment in (fastibl.Environment(cube, centre=CENTRE), placed(cube, [*(CENTRE + 0.5 * TOWARDS), 0.03])):
-        scene = fastibl.Scene(tiny, fastibl.Material(diffuse=(1, 1, 1)), spheres=0)
+        scene = scene_of(tiny, fastibl.Material(diffuse=(1, 1, 1)), spheres=0)
         s = fastibl.Session(
             scene, fastibl.Rig(CAMERA), None, environment, error=0, methods={"bounce": "none", "self_shadow": method}
         )

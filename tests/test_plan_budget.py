@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import scene_of
 
 import fastibl
 from conftest import same_error
@@ -24,7 +25,7 @@ GLOSSY = fastibl.Material(diffuse=(0.4, 0.4, 0.4), glossy=(0.3, 0.3, 0.3), expon
 
 @pytest.fixture(scope="module")
 def scene():
-    return fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
+    return scene_of(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
 
 
 def room(lamp=40.0, size=32):
@@ -130,7 +131,7 @@ def test_a_plan_is_of_the_scene_that_a_session_draws():
 def test_pictures_that_have_time_are_less_wrong():
     """A metal figurine of few vertices: its own occlusion by rays at pixels where the view is not a live one."""
     metal = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.7, 0.5), exponent=128)
-    shiny = fastibl.Scene(fastibl.shapes.figurine(0.2), metal, spheres=20, refine=False)
+    shiny = scene_of(fastibl.shapes.figurine(0.2), metal, spheres=20, refine=False)
     live, offline = (fastibl.make_plan(shiny, room(), error=1e-6, track=False, offline=o) for o in (False, True))
     print(f"live {live.best_error:.4f}, offline {offline.best_error:.4f}: {offline.methods.self_shadow}")
     assert live.methods.self_shadow == "pixel-transfer" and offline.methods.self_shadow == "traced"
@@ -173,7 +174,7 @@ def test_errors_grow_with_the_light_and_shrink_with_effort(scene):
 def test_shadows_are_judged_where_they_fall(height):
     """Under what hovers as well: methods that miss a lamp's shadow there would seem to have no error."""
     lifted = fastibl.Pose.from_rotation_vector([0, 0, 0], [0, 0, height])
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20, marker_from_object=lifted)
+    scene = scene_of(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20, marker_from_object=lifted)
     shadow = dict(zip(*_measured_errors(scene, fastibl.Environment(room()), AUTO)["shadow"], strict=True))
     few, many = shadow["directions [directions=32]"] ** 0.5, shadow["directions [directions=1024]"] ** 0.5
     print(f"at {height} m: {few:.4f} with 32 directions, {many:.4f} with 1024")
@@ -182,7 +183,7 @@ def test_shadows_are_judged_where_they_fall(height):
 
 def test_sharp_shadows_are_judged_alike_wherever_they_fall():
     """Their edges are a few pixels wide: places with rays hit them by chance."""
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=20)
+    scene = scene_of(fastibl.shapes.figurine(0.2), spheres=20)
     scene.baked_shadow = fastibl.MeshShadow(scene.mesh)
     d, found = fastibl.texel_directions(128), []
     for azimuth in np.linspace(0, 2 * np.pi, 8, endpoint=False) + 0.1:
@@ -197,7 +198,7 @@ def test_sharp_shadows_are_judged_alike_wherever_they_fall():
 
 def test_a_lamp_is_judged_alike_in_a_map_of_any_size():
     """Texels of a coarse map are as wide as they are, not blurred into each other, where rays go to them."""
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=20)
+    scene = scene_of(fastibl.shapes.figurine(0.2), spheres=20)
     scene.baked_shadow = fastibl.MeshShadow(scene.mesh)
     faces = np.full((6, 64, 64, 3), 0.2, np.float32)
     faces[4, 31, 33] = 40000
@@ -226,7 +227,7 @@ def test_a_sun_of_one_texel(scene):
 
 
 def test_a_scene_without_samples_keeps_the_defaults():
-    bare = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=8, visibility_rays=0)
+    bare = scene_of(fastibl.shapes.figurine(0.2), GLOSSY, spheres=8, visibility_rays=0)
     plan = fastibl.make_plan(bare, room(), error=0.02)
     assert plan.methods == AUTO and plan.best_error is None
 
@@ -452,7 +453,7 @@ def test_a_ray_that_slips_between_two_triangles_makes_no_plan():
 
 def test_a_coarse_picture_averages_what_is_wrong_within_its_pixels():
     """What the object hides of itself by vertex is wrong at edges, which pixels of 1 cm do not show."""
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), fastibl.Material((0.8, 0.8, 0.8)), spheres=20)
+    scene = scene_of(fastibl.shapes.figurine(0.2), fastibl.Material((0.8, 0.8, 0.8)), spheres=20)
     methods = {"self_shadow": "transfer", "diffuse": "irradiance-cube", "bounce": "one-bounce"}
 
     def error(width):
@@ -468,7 +469,7 @@ def test_a_coarse_picture_averages_what_is_wrong_within_its_pixels():
 
 def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter():
     """What the object lacks of the plane's light is counted once, however many shadows are tried."""
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
+    scene = scene_of(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
     picture = {"camera": camera_of(160, 120, 20.0), "camera_from_marker": looking((0, 0.4, 0.12), (0, -0.4, 0.1))}
     tried = fastibl.make_plan(scene, room(), error=0.02, **picture)
     given = fastibl.make_plan(scene, room(), error=0.02, methods={"shadow": "mesh"}, **picture)
@@ -477,7 +478,7 @@ def test_where_a_picture_shows_no_plane_its_shadow_does_not_matter():
 
 def test_a_picture_shows_the_object_where_it_stands():
     def error(object_, camera_from_marker):
-        scene = fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, fastibl.Pose(object_), spheres=20)
+        scene = scene_of(fastibl.shapes.figurine(0.2), GLOSSY, fastibl.Pose(object_), spheres=20)
         picture = {"camera": camera_of(320, 240, 50.0), "camera_from_marker": camera_from_marker}
         return fastibl.make_plan(scene, room(), error=0.02, **picture).expected_error
 
@@ -499,7 +500,7 @@ def test_bad_budgets_are_refused(scene):
 
 def test_light_that_is_given_frame_after_frame_is_judged_where_much_of_it_is_new():
     rig = fastibl.Rig(camera_of(64, 48, 45.0))
-    session = fastibl.Session(fastibl.Scene(fastibl.shapes.figurine(0.12)), rig, error=0.02)
+    session = fastibl.Session(scene_of(fastibl.shapes.figurine(0.12)), rig, error=0.02)
 
     def shown(cube, of=session):
         of.set_environment(fastibl.Environment(cube))
@@ -520,7 +521,7 @@ def test_light_that_is_given_frame_after_frame_is_judged_where_much_of_it_is_new
 def test_light_that_drifts_away_is_judged_in_steps():
     rig = fastibl.Rig(camera_of(64, 48, 45.0))
     session = fastibl.Session(
-        fastibl.Scene(fastibl.shapes.figurine(0.12), fastibl.Material(glossy=(0.2,) * 3)), rig, error=0.02
+        scene_of(fastibl.shapes.figurine(0.12), fastibl.Material(glossy=(0.2,) * 3)), rig, error=0.02
     )
     d = fastibl.texel_directions(16)
     lights = [fastibl.CubeMap((0.2 + 5 * 1.02**k * (d[..., 2:] > 0.9)) * np.ones(3)) for k in range(60)]

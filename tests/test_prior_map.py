@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes import scene_of
 
 import fastibl
 from fastibl.comparison import irradiance_error
@@ -88,7 +89,7 @@ def test_a_black_prior():
 
 def test_a_session_starts_with_its_prior():
     film = fastibl.simulate(seconds=0.2, fps=10, size=(320, 240), hand=False, lamp=False)
-    scene = fastibl.Scene(fastibl.shapes.figurine(detail=0.9))
+    scene = scene_of(fastibl.shapes.figurine(detail=0.9))
     prior = film.truth.environment(0)
     session = fastibl.Session(scene, film.rig, film.board, prior=prior, size=64, paper_albedo=PAPER)
     result = session.process(film[0])

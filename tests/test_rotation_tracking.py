@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scenes import scene_of
 
 import fastibl
 from bench import inputs
@@ -49,7 +50,7 @@ def film():
 
 
 def scene():
-    return fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=8)
+    return scene_of(fastibl.shapes.figurine(0.2), spheres=8)
 
 
 def test_session_follows_the_surroundings(film):

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scenes import scene_of
 from test_material import sphere
 from test_occlusion import floor_and_wall, soup
 
@@ -370,7 +371,7 @@ def test_bad_input_is_refused():
 
 
 def session_of(methods="auto", material=MATTE, cube=None, mesh=None, backend="cpu"):
-    scene = fastibl.Scene(mesh or two_boxes(), material, spheres=0)
+    scene = scene_of(mesh or two_boxes(), material, spheres=0)
     camera = fastibl.Camera(160, 120, 150.0, 150.0, 80.0, 60.0)
     session = fastibl.Session(
         scene, fastibl.Rig(camera), environment=cube or smooth_map(), error=None, methods=methods, backend=backend
@@ -507,7 +508,7 @@ def test_shares_with_every_pixels_lobe_are_nearer_to_those_by_rays(kind):
         "ggx": fastibl.Material.pbr((1, 1, 1), metallic=1.0, roughness=0.45),
     }[kind]
     cube = fastibl.CubeMap(smooth_map(size=32).faces.mean(axis=-1, keepdims=True) * np.ones(3))
-    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), material, spheres=0)
+    scene = scene_of(fastibl.shapes.figurine(0.2), material, spheres=0)
     eye = np.array([0.3, -0.25, 0.25])
     pose = looking(np.array([0, 0, 0.09]) - eye, eye)
     traced, whole = share_picture(scene, "traced", cube, pose)

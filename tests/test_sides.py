@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes import scene_of
 from test_gl import needs_gl
 from test_near_shading import CENTRE, lamp_map, placed
 from test_place import ball
@@ -16,7 +17,7 @@ CAMERA, POSE = camera_of(160, 120, 30.0), looking(CENTRE - EYE, EYE)
 
 def colours_of(mesh, source, material=None, backend="cpu", **options):
     """RGB of the object over the whole picture."""
-    scene = fastibl.Scene(mesh, material or fastibl.Material(diffuse=(0.7, 0.6, 0.5)))
+    scene = scene_of(mesh, material or fastibl.Material(diffuse=(0.7, 0.6, 0.5)))
     session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=source, backend=backend, **options)
     session.process(fastibl.Frame(0.0, back_from_marker=POSE))
     layer, out = session.object, np.zeros((CAMERA.height, CAMERA.width, 3))

@@ -5,6 +5,7 @@ import pickle
 import cv2
 import numpy as np
 import pytest
+from scenes import scene_of
 
 import fastibl
 from fastibl import recording
@@ -163,7 +164,7 @@ def test_simulated_360_front_camera_lights_a_map_at_once(tmp_path):
     error = irradiance_error(capture.environment(), film.truth.environment(0.4))
     print(f"{seen:.1%} of the sky seen after {len(film)} frames, irradiance {error:.2%} off")
     assert seen == 1 and error < 0.03
-    session = fastibl.Session(fastibl.Scene(figurine(detail=0.9)), film.rig, film.board, box=(LOWER, UPPER))
+    session = fastibl.Session(scene_of(figurine(detail=0.9)), film.rig, film.board, box=(LOWER, UPPER))
     for frame in film:
         result = session.process(frame)
     assert result.tracked is not None
@@ -176,7 +177,7 @@ def test_wide_cameras_do_not_track_or_draw():
     board = fastibl.Board.default()
     with pytest.raises(ValueError, match=r"perspective.*fisheye"):
         fastibl.Tracker(board, FISHEYE)
-    scene = fastibl.Scene(figurine(detail=0.9))
+    scene = scene_of(figurine(detail=0.9))
     with pytest.raises(ValueError, match=r"perspective.*fisheye"):
         fastibl.Session(scene, fastibl.Rig(FISHEYE), board)
 
