@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,5 +146,10 @@ def figurine(height: float = 0.12, detail: float = 1.0) -> Mesh:
     """
     if not 0.9 <= detail <= 4:
         raise ValueError(f"detail must be from 0.9 to 4, got {detail}")
+    return stand(_robot(float(detail)), height)
+
+
+@lru_cache(maxsize=4)
+def _robot(detail: float) -> Mesh:
     lower, upper = np.array([-0.56, -0.31, -0.06]), np.array([0.50, 0.30, 1.30])
-    return stand(surface_net(_figurine, lower, upper, 0.0275 / detail), height)
+    return surface_net(_figurine, lower, upper, 0.0275 / detail)
