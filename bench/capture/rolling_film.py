@@ -37,8 +37,10 @@ def board_light(board: fastibl.Board, pose_at: Path, time: float, camera: fastib
     across, down = m[:, :, :1], m[:, :, 1] * y[:, None] + m[:, :, 2]
     w = across[:, 2] * x + down[:, 2:]
     maps = [((across[:, k] * x + down[:, k : k + 1]) / w).astype(np.float32) for k in (0, 1)]
-    for k in (0, 1):
-        maps[k][w * np.sign(np.median(w)) <= 0] = -1e4
+    behind = w * np.sign(np.median(w[::16, ::16])) <= 0
+    if behind.any():
+        for k in (0, 1):
+            maps[k][behind] = -1e4
     seen = cv2.remap(
         texture, maps[0], maps[1], interpolation=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=TABLE
     )
