@@ -183,7 +183,7 @@ def test_shadows_are_judged_where_they_fall(height):
 
 def test_sharp_shadows_are_judged_alike_wherever_they_fall():
     """Their edges are a few pixels wide: places with rays hit them by chance."""
-    scene = scene_of(fastibl.shapes.figurine(0.2), spheres=20)
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=20)
     scene.baked_shadow = fastibl.MeshShadow(scene.mesh)
     d, found = fastibl.texel_directions(128), []
     for azimuth in np.linspace(0, 2 * np.pi, 8, endpoint=False) + 0.1:
@@ -198,7 +198,7 @@ def test_sharp_shadows_are_judged_alike_wherever_they_fall():
 
 def test_a_lamp_is_judged_alike_in_a_map_of_any_size():
     """Texels of a coarse map are as wide as they are, not blurred into each other, where rays go to them."""
-    scene = scene_of(fastibl.shapes.figurine(0.2), spheres=20)
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), spheres=20)
     scene.baked_shadow = fastibl.MeshShadow(scene.mesh)
     faces = np.full((6, 64, 64, 3), 0.2, np.float32)
     faces[4, 31, 33] = 40000
