@@ -256,6 +256,32 @@ def test_plan_reads_what_the_material_needs():
 # --- GL
 
 
+def test_a_scene_with_another_material_keeps_what_its_mesh_hides():
+    """As a new one of it would be; sessions and materials that were handed out before stay as they are."""
+    scene, red, matte = (fastibl.Scene(sphere(12)), fastibl.Material.pbr((0.8, 0.1, 0.1), 0.0, 0.4), fastibl.Material())
+    session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=WHITE)
+    before = scene.material
+    scene.material = red
+    assert scene.material == red and before == matte
+
+    def drawn(session):
+        session.process(fastibl.Frame(0.0, back_from_marker=POSE))
+        return session.object.rgba
+
+    old, changed, fresh = (
+        drawn(session),
+        drawn(fastibl.Session(scene, fastibl.Rig(CAMERA), environment=WHITE)),
+        drawn(fastibl.Session(fastibl.Scene(sphere(12), red), fastibl.Rig(CAMERA), environment=WHITE)),
+    )
+    np.testing.assert_array_equal(changed, fresh)
+    assert old[..., 1].max() > 2 * changed[..., 1].max() > 0
+    bare = fastibl.Scene(fastibl.Mesh(square().vertices, square().triangles), spheres=0)
+    textured = fastibl.Material.pbr(np.ones((2, 2, 3)))
+    same_error(lambda: setattr(bare, "material", textured), ValueError, "uvs")
+    same_error(lambda: setattr(bare, "material", None), TypeError, "Material", "None")
+    assert bare.material == matte
+
+
 def full_material(anisotropy=0.0):
     rng = np.random.default_rng(6)
     soft = lambda n, c: np.kron(rng.uniform(0, 1, (8, 8, c)), np.ones((n // 8, n // 8, 1)))  # noqa: E731

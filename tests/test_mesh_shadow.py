@@ -13,6 +13,7 @@ import pytest
 
 import fastibl
 import fastibl.mesh_shadow as module
+from conftest import same_error
 from fastibl import MeshShadow, reference
 
 GRID = 16
@@ -379,6 +380,7 @@ def test_session_casts_the_baked_shadow(backend):
 
     scene = fastibl.Scene(mesh, marker_from_object=pose(0.4, (0.1, 0.2, 0)))
     assert scene.baked_shadow is None and cast(scene).image.shape == (128, 128, 3)
+    same_error(lambda: setattr(scene, "baked_shadow", 3), TypeError, "MeshShadow or None, got int")
     assert scene.baked_shadow is not None  # a session bakes what it needs
     scene.baked_shadow = MeshShadow(mesh, 32, cache=False)
     made, alone = cast(scene), MeshShadow(mesh, 32, cache=False).cast(cube, scene.marker_from_object)

@@ -47,7 +47,16 @@ Raises ValueError for negative numbers or what is not a pose.)")
       .def_readonly("refined_mesh", &Scene::mesh,
                     "The surface that is shaded: that of `mesh`, with more vertices where the "
                     "object's self-shadow changes; equal to `mesh` where nothing had to be split.")
-      .def_readonly("material", &Scene::material, "Material of the object.")
+      .def_property(
+          "material", [](const Scene& s) { return s.material; },
+          [](Scene& s, const Material& material) {
+            check_fits(material, s.mesh);
+            s.material = material;
+          },
+          R"(Material of the object.
+
+Setting another one takes no time, as what the mesh hides is kept; sessions that were made before keep theirs, see
+Session.set_material. Raises ValueError for textures on a mesh without uvs.)")
       .def_readonly("marker_from_object", &Scene::marker_from_object,
                     "Pose: where the object stands.")
       .def_property_readonly(
@@ -71,6 +80,10 @@ Raises ValueError for negative numbers or what is not a pose.)")
           [](Scene& s, const py::object& given) {
             const py::object baked =
                 py::hasattr(given, "baked") ? py::object(given.attr("baked")) : given;
+            if (!baked.is_none() && !py::isinstance<MeshShadow>(baked))
+              throw py::type_error(
+                  "baked_shadow must be a MeshShadow or None, got " +
+                  std::string(py::str(py::type::handle_of(baked).attr("__name__"))));
             s.baked_shadow = baked.cast<std::shared_ptr<MeshShadow>>();
           },
           R"(How the mesh hides the sky, for the shadow method "mesh": None, or a MeshShadow of `mesh` that you set.

@@ -1198,7 +1198,13 @@ class Scene:
     def material(self) -> Material:
         """
         Material of the object.
+
+        Setting another one takes no time, as what the mesh hides is kept; sessions that were made before keep theirs, see
+        Session.set_material. Raises ValueError for textures on a mesh without uvs.
         """
+    @material.setter
+    def material(self, arg1: Material) -> None:
+        ...
     @property
     def mesh(self) -> Mesh:
         """
