@@ -216,6 +216,26 @@ def test_cut_triangles_are_the_same_surface(wrap):
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
 
 
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+def test_corners_on_borders(wrap):
+    """Triangles whose corners lie on borders or half-way, together far from each other, and one by one."""
+    uvs = np.random.default_rng(2).integers(-4, 5, (1200, 3, 2)) / 2
+    flat = np.column_stack([uvs.reshape(-1, 2), np.zeros(3600)])
+    area = lambda p, t: np.linalg.norm(np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]]), axis=1).sum()  # noqa: E731
+    for k in range(400):
+        corners, triangle = uvs[k], np.array([[0, 1, 2]])
+        at, values, cut = single_copies(corners, flat[3 * k : 3 * k + 3], triangle, (wrap, wrap))
+        assert area(values, cut) == pytest.approx(area(flat[3 * k : 3 * k + 3], triangle), abs=1e-9)
+        assert at.min() >= -1 / 32 and at.max() <= 1 + 1 / 32
+    far = uvs + 1e6 * np.arange(1200)[:, None, None] if wrap == "repeat" else uvs
+    triangles = np.arange(3600).reshape(-1, 3)
+    at, values, cut = single_copies(far.reshape(-1, 2), flat, triangles, (wrap, wrap))
+    assert area(values, cut) == pytest.approx(area(flat, triangles), rel=1e-9)
+    if wrap == "repeat":
+        places = np.column_stack([at, np.zeros(len(at))])
+        assert area(places, cut) == pytest.approx(area(flat, triangles), rel=1e-6)
+
+
 def test_as_many_copies_as_a_picture_can_show(tmp_path):
     for uvs, times in ((CORNERS * 1000, 1000000), (CORNERS * [1e6, 1e-6], 2000000)):
         path = write(tmp_path / "a.gltf", picture_of(8, 8), uvs)

@@ -139,9 +139,9 @@ def _folded(vertices: NDArray, polygons: NDArray, wraps: tuple[str, str]) -> tup
 
 def _different(keys: Iterable[NDArray]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Of rows of integers, given as columns: where each different row is first, and which of these each row is."""
-    joined = np.zeros(1, np.int64)
+    joined: NDArray[np.int64] = np.zeros(1, np.int64)
     for key in keys:
-        low = key.min()
-        joined = joined * (key.max() - low + 1) + (key - low)
+        values, ranks = np.unique(key, return_inverse=True)  # few numbers, however far apart
+        joined = joined * len(values) + ranks
     _, one, which = np.unique(joined, return_index=True, return_inverse=True)
     return one, which
