@@ -25,7 +25,7 @@ GLOSSY = fastibl.Material(diffuse=(0.4, 0.4, 0.4), glossy=(0.3, 0.3, 0.3), expon
 
 @pytest.fixture(scope="module")
 def scene():
-    return scene_of(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
+    return fastibl.Scene(fastibl.shapes.figurine(0.2), GLOSSY, spheres=20)
 
 
 def room(lamp=40.0, size=32):
