@@ -190,6 +190,11 @@ def torus():
     return points, np.stack([3.3 * a / 24, 2 * b / 16 - 0.4], axis=-1).reshape(-1, 2), triangles
 
 
+def area(points, triangles):
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+
 @pytest.mark.parametrize("wrap", ["repeat", "clamp"])
 def test_cut_triangles_are_the_same_surface(wrap):
     """Closed as it was, of the same area, and what vertices carry is where it was."""
@@ -198,7 +203,6 @@ def test_cut_triangles_are_the_same_surface(wrap):
     at, values, cut = single_copies(uvs, carried, triangles, (wrap, "repeat"))
     assert len(cut) > len(triangles) and at.min() > -0.032 and at.max() < 1.032
     corners = values[cut]
-    area = lambda p, t: np.linalg.norm(np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]]), axis=1).sum()  # noqa: E731
     assert area(values[:, :3], cut) == pytest.approx(area(points, triangles), rel=1e-12)
     # Each corner's place in the texture is that of its uvs, copies apart.
     off = corners[..., 3:] - at[cut]
@@ -221,7 +225,6 @@ def test_corners_on_borders(wrap):
     """Triangles whose corners lie on borders or half-way, together far from each other, and one by one."""
     uvs = np.random.default_rng(2).integers(-4, 5, (1200, 3, 2)) / 2
     flat = np.column_stack([uvs.reshape(-1, 2), np.zeros(3600)])
-    area = lambda p, t: np.linalg.norm(np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]]), axis=1).sum()  # noqa: E731
     for k in range(400):
         corners, triangle = uvs[k], np.array([[0, 1, 2]])
         at, values, cut = single_copies(corners, flat[3 * k : 3 * k + 3], triangle, (wrap, wrap))

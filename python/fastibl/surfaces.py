@@ -209,8 +209,11 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
 
     # A mirrored texture repeats with its mirror image beside it.
     def copies_of(m: int) -> tuple[int, int]:
-        beyond = [p.reaches_beyond for p in parts if p.material == m]
-        u, v = (2 if w == "mirror" and any(b[k] for b in beyond) else 1 for k, w in enumerate(surfaces[m].wrap))
+        own = [p for p in parts if p.material == m]
+        u, v = (
+            2 if wrap == "mirror" and any(p.reaches_beyond[k] for p in own) else 1
+            for k, wrap in enumerate(surfaces[m].wrap)
+        )
         return u, v
 
     copies = {m: copies_of(m) for m in surfaces}
@@ -219,10 +222,9 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
     where = dict(zip(surfaces, atlas.cells, strict=True))
     for part in parts:
         surface = surfaces[part.material]
-        along_u, along_v = ("clamp" if wrap == "clamp" else "repeat" for wrap in surface.wrap)
         uvs = np.full((len(part.vertices), 2), 0.5)
         if surface.textures:
-            uvs = part.cut((along_u, along_v), copies[part.material])
+            uvs = part.cut(surface.wrap, copies[part.material])
         part.uvs = atlas.moved(where[part.material], uvs)
     shrunk = {
         f"{w} x {h} to {where[m].columns} x {where[m].rows}"

@@ -21,8 +21,8 @@ def single_copies(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Triangles whose uvs lie within 0 to 1, or up to 1/32 beyond in the texture's margin, and show the same texels.
 
-    uvs: (n, 2). values: (n, k) what vertices carry besides. triangles: (m, 3). wraps: along u and v, how the texture
-    goes on: "repeat" or "clamp". Returns uvs, values and triangles.
+    uvs: (n, 2). values: (n, k) what vertices carry besides. triangles: (m, 3). wraps: along u and v, "clamp" where the
+    texture ends at 0 and 1; any other has a border at every integer. Returns uvs, values and triangles.
     Raises ValueError where that takes too many triangles.
     """
     vertices = np.hstack([uvs, values]).astype(np.float64)
@@ -45,7 +45,7 @@ def _check(corners: NDArray, wraps: tuple[str, str]) -> None:
     finite."""
     if not np.isfinite(corners).all():
         raise ValueError("its uvs are not all finite")
-    spans = [np.ptp(corners[..., k], axis=1) if wrap == "repeat" else np.zeros(1) for k, wrap in enumerate(wraps)]
+    spans = [np.ptp(corners[..., k], axis=1) if wrap != "clamp" else np.zeros(1) for k, wrap in enumerate(wraps)]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     areas = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2 if "clamp" not in wraps else np.zeros(1)
     copies = max(float(np.floor(n).sum()) for n in (*spans, areas))  # what lies on one copy is not cut
