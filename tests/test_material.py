@@ -253,9 +253,6 @@ def test_plan_reads_what_the_material_needs():
     assert "radiance" not in reads(fastibl.Material())
 
 
-# --- GL
-
-
 def test_a_scene_with_another_material_keeps_what_its_mesh_hides():
     """As a new one of it would be; sessions and materials that were handed out before stay as they are."""
     scene, red, matte = (fastibl.Scene(sphere(12)), fastibl.Material.pbr((0.8, 0.1, 0.1), 0.0, 0.4), fastibl.Material())
@@ -280,6 +277,9 @@ def test_a_scene_with_another_material_keeps_what_its_mesh_hides():
     same_error(lambda: setattr(bare, "material", textured), ValueError, "uvs")
     same_error(lambda: setattr(bare, "material", None), TypeError, "Material", "None")
     assert bare.material == matte
+
+
+# --- GL
 
 
 def full_material(anisotropy=0.0):
