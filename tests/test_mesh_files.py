@@ -604,7 +604,8 @@ def test_tangents_that_differ_are_said(name, tmp_path):
 
 
 def test_what_is_left_out_is_said(tmp_path):
-    clear = {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}, "alphaMode": "MASK"}
+    clear = {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}, "alphaMode": "BLEND"}
+    clear["pbrMetallicRoughness"] = {"baseColorFactor": [1, 1, 1, 0.5]}
     with pytest.warns(UserWarning, match="a.gltf: left out are KHR_materials_clearcoat, transparency"):
         fastibl.read_object(textured(tmp_path, TWICE, **clear))
     other = {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 0, 0, 1]}}}

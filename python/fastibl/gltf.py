@@ -3,11 +3,13 @@
 All nodes of the file's scene are merged; skins show their rest pose; without normals triangles are flat, as glTF
 requires. Several materials become one. Materials that look the same share their textures; the textures of the others
 are laid side by side in an atlas (fastibl.atlas), and triangles across their borders are cut (fastibl.uv_borders). A
-warning says what has to be shrunk there. Vertices' colours (COLOR_0) become the mesh's. Left out, with a warning that
-names them: transparency, morphs, and extensions that add to a material (clear coat, sheen, ...). Left out without a
-warning: occlusion maps (P_V takes their place), points and lines, doubleSided (everything is seen from both sides),
-further sets of colours. Tangents are derived from the uvs; a warning tells where a file's own differ. Refused by name:
-specular-glossiness materials, compressed meshes, and a material whose textures lie in different ways on its mesh.
+warning says what has to be shrunk there. Vertices' colours (COLOR_0) become the mesh's. What a texture's alpha makes
+invisible is cut away (fastibl.cutouts): below the cutoff of MASK, and of BLEND below one half where the alpha is an
+outline. Left out, with a warning that names them: other transparency, morphs, and extensions that add to a material
+(clear coat, sheen, ...). Left out without a warning: occlusion maps (P_V takes their place), points and lines,
+doubleSided (everything is seen from both sides), further sets of colours. Tangents are derived from the uvs; a warning
+tells where a file's own differ. Refused by name: specular-glossiness materials, compressed meshes, and a material whose
+textures lie in different ways on its mesh.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._fastibl import Material, Mesh
 from .file_limits import MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container, transform
-from .surfaces import Lie, Part, Pictures, Surface, Texture, alike, joined, mesh_of
+from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_away, joined, mesh_of
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {
@@ -45,7 +47,8 @@ class _File(Container):
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
         self.vertices = self.triangles = self.instances = 0
-        self._decoder, self.pictures = Pictures(), dict[int, NDArray]()
+        self._decoder, self.pictures, self._alphas = Pictures(), dict[int, NDArray](), dict[int, NDArray | None]()
+        self._faint = set[int]()  # materials of vertices whose colours have an alpha below 1
         self.left_out: set[str] = set()
 
     def _view(self, index: int) -> tuple[bytes, int, int, int | None]:
@@ -95,16 +98,37 @@ class _File(Container):
         if source is None:
             raise ValueError("a texture has no picture of a kind that glTF 2 itself knows")
         if source not in self.pictures:
-            self.pictures[source] = self._decoded(self.json["images"][source], f"texture {source}")
+            self.pictures[source] = self._decoder.decoded(self._encoded(source), f"texture {source}")
         return Texture(source, self.pictures[source], wrap, _lie_of(reference), factor=factor, **reading)
 
-    def _decoded(self, image: dict[str, Any], name: str) -> NDArray:
-        if "bufferView" in image:
-            buffer, offset, length, _ = self._view(image["bufferView"])
-            data = buffer[offset : offset + length]
-        else:
-            data = self.bytes(image["uri"])
-        return self._decoder.decoded(data, name)
+    def _encoded(self, source: int) -> bytes:
+        image = self.json["images"][source]
+        if "bufferView" not in image:
+            return self.bytes(image["uri"])
+        buffer, offset, length, _ = self._view(image["bufferView"])
+        return buffer[offset : offset + length]
+
+    def _cutout(self, index: int, m: dict[str, Any], color: Any) -> Cutout | None:
+        """What a material's alpha leaves of its surface: None where that is all of it."""
+        mode = m.get("alphaMode", "OPAQUE")
+        if mode == "OPAQUE":
+            return None
+        if index in self._faint:
+            self.left_out.add("transparency of vertices")
+        factor = float(m.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])[3])
+        least = float(m.get("alphaCutoff", 0.5)) if mode == "MASK" else 0.5
+        cutout = Cutout(-1, np.ones((1, 1), np.float32), least / max(factor, 1e-6))
+        if isinstance(color, Texture):
+            if color.source not in self._alphas:
+                self._alphas[color.source] = self._decoder.alpha(self._encoded(color.source), f"texture {color.source}")
+            alpha = self._alphas[color.source]
+            if alpha is not None:
+                cutout = Cutout(color.source, alpha, cutout.cutoff, color.wrap, color.lie)
+        if mode == "BLEND" and not (factor == 1 and cutout.is_outline):
+            if (factor * cutout.alpha < 1).any():
+                self.left_out.add("transparency")
+            return None
+        return None if cutout.shows_all else cutout
 
     def surface(self, index: int) -> Surface:
         if index < 0:
@@ -115,13 +139,14 @@ class _File(Container):
         if _OTHER_MODEL in extensions:
             raise ValueError(f"its materials are of {_OTHER_MODEL}, not of metal and roughness")
         self.left_out |= {name for name in extensions if name.startswith("KHR_materials_")} - _KNOWN
-        if m.get("alphaMode", "OPAQUE") != "OPAQUE":
-            self.left_out.add("transparency")
         look: dict[str, Any] = {}
         factor: Any
         factor = look["base_color"] = _colour(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
         if "baseColorTexture" in pbr:
             look["base_color"] = self.texture(pbr["baseColorTexture"], factor, srgb=True)
+        look["cutout"] = cutout = self._cutout(index, m, look["base_color"])
+        if cutout is not None and isinstance(look["base_color"], Texture):
+            look["base_color"] = cutout.filled(look["base_color"])
         for k, name in ((1, "roughness"), (2, "metallic")):
             factor = look[name] = float(pbr.get(f"{name}Factor", 1))
             if "metallicRoughnessTexture" in pbr:
@@ -218,7 +243,12 @@ class _File(Container):
         normals = self._attribute(attributes["NORMAL"], 3, len(vertices)) if "NORMAL" in attributes else None
         names = {k: f"TEXCOORD_{k}" for k in range(4)}
         sets = {k: self._attribute(attributes[n], 2, len(vertices)) for k, n in names.items() if n in attributes}
-        colors = self._colors(attributes["COLOR_0"], len(vertices)) if "COLOR_0" in attributes else None
+        material = primitive.get("material", -1)
+        colors = None
+        if "COLOR_0" in attributes:
+            colors = self._colors(attributes["COLOR_0"], len(vertices))
+            self._faint |= {material} if (colors[:, 3:] < 1).any() else set()
+            colors = colors[:, :3]
         placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None]
         linear = placing[..., :3, :3]
         tangents = None
@@ -241,17 +271,16 @@ class _File(Container):
             normals = np.cross(placed[1::3] - placed[::3], placed[2::3] - placed[::3]).repeat(3, axis=0)
         else:
             normals = np.einsum("...ji,...j->...i", np.linalg.pinv(linear), normals).reshape(-1, 3)
-        material = primitive.get("material", -1)
         return [Part(placed, triangles, normals, sets, material, tangents=tangents, colors=colors)]
 
     def _colors(self, index: int, count: int) -> NDArray[np.float64]:
-        """Linear colours (count, 3) from 0 to 1, of values with or without alpha."""
+        """Linear colours (count, 3) or, with alpha, (count, 4) from 0 to 1."""
         values = self.array(index)
         if len(values) != count or values.shape[1] not in (3, 4) or not np.isfinite(values).all():
             raise ValueError(
                 f"accessor {index} must hold finite colours, {(count, 3)} or {(count, 4)}; its shape is {values.shape}"
             )
-        return values[:, :3].astype(np.float64).clip(0, 1)
+        return values.astype(np.float64).clip(0, 1)
 
     def _blended(self, attributes: dict[str, int], joints: NDArray) -> NDArray:
         """Matrices (n, 4, 4) for a skin's vertices: weighted means of joints, of which each attribute set names
@@ -340,7 +369,8 @@ def read(path: Path) -> tuple[Mesh, Material]:
         surfaces = alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
         for part in parts:
             part.lay(surfaces[part.material])
-        _warn_of(path, file.left_out, stacklevel=5)
+        parts, more = cut_away(parts, surfaces)
+        _warn_of(path, file.left_out | more, stacklevel=5)
         material = joined(path, parts, surfaces, stacklevel=4)
         mesh = mesh_of(parts)
         share = _turned_tangents(parts, surfaces, mesh)

@@ -3,14 +3,16 @@
 A material is glTF's model: Kd and map_Kd are its base colour (Kd linear, as the format calls it a reflectance; one of 0
 beside a picture counts as 1), Ke and map_Ke its emission, Pm and map_Pm how metallic it is, Pr and map_Pr its
 roughness, without them that of a lobe as wide as Ns tells (matte where Ks is 0 or illum below 2); norm is a normal map.
-Of pictures -s, -o and -clamp are read. Several materials become one: see fastibl.surfaces. Left out, with a warning
-that names them: transparency (d, Tr, map_d), bumps (map_Bump), colours and shapes of highlights (Ks, map_Ks, map_Ns),
-pictures that are neither PNG nor JPEG, and files that are not there.
+Of pictures -s, -o and -clamp are read. What map_d makes invisible is cut away (fastibl.cutouts) where it is an outline.
+Several materials become one: see fastibl.surfaces. Left out, with a warning that names them: other transparency (d,
+Tr), bumps (map_Bump), colours and shapes of highlights (Ks, map_Ks, map_Ns), pictures that are neither PNG nor JPEG,
+and files that are not there.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -19,14 +21,15 @@ from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, _read_obj, _read_obj_materials
 from .file_limits import FolderFiles, file_bytes
-from .surfaces import Lie, Part, Pictures, Surface, Texture, alike, joined, mesh_of
+from .pictures import unit
+from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_away, joined, mesh_of
 
 _ARGUMENTS = {  # number of arguments of a picture's options; where it is 3, one to three numbers may follow
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-clamp": 1, "-bm": 1,
     "-imfchan": 1, "-cc": 1, "-type": 1, "-colorspace": 1,
 }  # fmt: skip
 _LEFT_OUT = {
-    "map_d": "transparency", "map_bump": "bumps", "bump": "bumps", "map_ks": "highlights of a colour",
+    "map_bump": "bumps", "bump": "bumps", "map_ks": "highlights of a colour",
     "map_ns": "highlights of several shapes", "disp": "displacement", "refl": "reflection maps",
 }  # fmt: skip
 _OTHER_PICTURES = {".bmp", ".dds", ".exr", ".gif", ".hdr", ".psd", ".tga", ".tif", ".tiff", ".webp"}
@@ -52,9 +55,10 @@ def read(path: Path) -> tuple[Mesh, Material | None]:
     parts = _parts(mesh, of_triangles)
     surfaces = {part.material: library.surface(names[part.material] if part.material >= 0 else "") for part in parts}
     surfaces = alike(parts, surfaces)
-    library.warn()
     for part in parts:
         part.lay(surfaces[part.material])
+    parts, left_out = cut_away(parts, surfaces)
+    library.warn(left_out)
     material = joined(path, parts, surfaces, stacklevel=4)
     return mesh_of(parts), material
 
@@ -82,9 +86,10 @@ class _Library:
         self._pictures, self._decoder = dict[str, NDArray | None](), Pictures()
         self._left_out = dict[str, None]()  # a dict keeps their order
 
-    def warn(self) -> None:
-        if self._left_out:
-            warnings.warn(f"{self._path}: left out are {', '.join(self._left_out)}", stacklevel=5)
+    def warn(self, more: Iterable[str] = ()) -> None:
+        left_out = [*self._left_out, *more]
+        if left_out:
+            warnings.warn(f"{self._path}: left out are {', '.join(left_out)}", stacklevel=5)
 
     def read(self, line: str) -> None:
         """Reads the files of an mtllib line: one name, which may contain spaces, or several names without spaces."""
@@ -127,15 +132,35 @@ class _Library:
                 self._left_out[what] = None
         if _number(lines, "d", 1.0) < 1 or _number(lines, "tr", 0.0) > 0:
             self._left_out["transparency"] = None
+        cutout = self._cutout(lines)
         color, emission = _colour(lines, "kd", _GREY), _colour(lines, "ke", 0.0)
+        base_color = self._texture(lines, "map_kd", color if any(color) else (1.0,) * 3, srgb=True)
+        if base_color is not None and cutout is not None:
+            base_color = cutout.filled(base_color)
         emitting = self._texture(lines, "map_ke", emission if any(emission) else (1.0,) * 3, srgb=True)
         return Surface(
-            base_color=self._texture(lines, "map_kd", color if any(color) else (1.0,) * 3, srgb=True) or color,
+            base_color=base_color or color,
             metallic=self._texture(lines, "map_pm", 1.0, channel=0) or _share(lines, "pm", 0.0),
             roughness=self._texture(lines, "map_pr", 1.0, channel=0) or _share(lines, "pr", _roughness(lines)),
             emission=emitting or emission,
             normal=self._texture(lines, "norm"),
+            cutout=cutout,
         )
+
+    def _cutout(self, lines: dict[str, list[str]]) -> Cutout | None:
+        """What the picture of map_d leaves of a surface: its alpha, where it has one, else its grey."""
+        texture = self._texture(lines, "map_d")
+        if texture is None:
+            return None
+        name = list(self._pictures)[texture.source]
+        alpha = self._decoder.alpha(self._files.bytes(name), name)
+        if alpha is None or (alpha == 1).all():
+            alpha = unit(texture.picture).mean(axis=-1, dtype=np.float32)
+        cutout = Cutout(texture.source, alpha, 0.5, texture.wrap, texture.lie)
+        if not cutout.is_outline:
+            self._left_out["transparency"] = None
+            return None
+        return None if cutout.shows_all else cutout
 
     def _picture(self, name: str) -> NDArray | None:
         try:

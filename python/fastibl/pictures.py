@@ -88,6 +88,16 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
     return np.ascontiguousarray(image if exposures == (1, 1, 1) else image / np.asarray(exposures, np.float32))
 
 
+def decode_alpha(data: bytes, name: Path | str) -> NDArray[Any] | None:
+    """Alpha (height, width) of a .png that decode_picture reads, in its own dtype; None where it has none."""
+    import cv2
+
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
+    return np.ascontiguousarray(image[..., 3]) if image.ndim == 3 and image.shape[2] == 4 else None
+
+
 def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> None:
     """Writes linear RGB (height, width, 3): .exr exactly, .hdr with shared exponents (to 1/256 of a pixel's brightest).
 

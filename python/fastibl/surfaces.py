@@ -13,10 +13,15 @@ from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, Response
 from .atlas import packed
+from .cutouts import Outline, cut_out, grown
 from .file_limits import MOST_PIXELS
 from .picture_headers import jpeg_size, png_size
-from .pictures import decode_picture, unit
+from .pictures import decode_alpha, decode_picture, unit
 from .uv_borders import single_copies
+
+_FINE = 0.5  # texels: outlines that are off by more are told
+_CLEAR, _SOLID = 0.1, 0.9  # alphas: what is blended has few texels between them if it is meant as an outline
+_MOST_BETWEEN = 0.1  # of the texels
 
 
 class Pictures:
@@ -34,6 +39,11 @@ class Pictures:
         if self._pixels > MOST_PIXELS:
             raise ValueError(f"its textures have more than {MOST_PIXELS} pixels together")
         return picture
+
+    def alpha(self, data: bytes, name: str) -> NDArray[np.float32] | None:
+        """(h, w) from 0 to 1 of a picture that was decoded; None where it has no alpha."""
+        alpha = decode_alpha(data, name) if data[:1] == b"\x89" else None
+        return None if alpha is None else unit(alpha)
 
 
 @dataclass(frozen=True)
@@ -57,7 +67,7 @@ class Texture:
     """A picture as a material reads it. Its floats take four times the picture's memory, and materials share pictures:
     they are made where they are used."""
 
-    source: int  # which of the file's pictures
+    source: Any  # which of the file's pictures
     picture: NDArray = field(compare=False, repr=False)  # (h, w, 3) uint8 or uint16 RGB
     wrap: tuple[str, str] = ("repeat", "repeat")
     lie: Lie = Lie()
@@ -84,6 +94,45 @@ class Texture:
 
 
 @dataclass(frozen=True)
+class Cutout:
+    """Where there is a surface: where a picture's alpha is at least `cutoff`."""
+
+    source: int  # which of the file's pictures
+    alpha: NDArray = field(compare=False, repr=False)  # (h, w) from 0 to 1
+    cutoff: float
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    lie: Lie = Lie()
+    _outlines: dict[tuple[int, int], Outline] = field(default_factory=dict, compare=False, repr=False)
+
+    def outline(self, copies: tuple[int, int]) -> Outline:
+        """Of so many copies from border to border: 2 where the mirror image lies beside the picture."""
+        if copies not in self._outlines:
+            alpha = self.alpha
+            if copies[0] == 2:  # the first copy is the left one, and the lower one
+                alpha = np.concatenate([alpha, alpha[:, ::-1]], axis=1)
+            if copies[1] == 2:
+                alpha = np.concatenate([alpha[::-1], alpha])
+            self._outlines[copies] = Outline(alpha, self.cutoff, self.wrap)
+        return self._outlines[copies]
+
+    @property
+    def shows_all(self) -> bool:
+        return bool((self.alpha >= self.cutoff).all())
+
+    @property
+    def is_outline(self) -> bool:
+        """Whether a picture that is blended is meant as an outline: little of it shines through."""
+        return bool(((self.alpha > _CLEAR) & (self.alpha < _SOLID)).mean() <= _MOST_BETWEEN)
+
+    def filled(self, texture: Texture) -> Texture:
+        """A texture that lies as the cutout does, with colours that go on where nothing is seen."""
+        if (texture.picture.shape[:2], texture.lie) != (self.alpha.shape, self.lie):
+            return texture
+        picture = grown(texture.picture, self.alpha >= self.cutoff)
+        return replace(texture, source=(texture.source, self.source, self.cutoff), picture=picture)
+
+
+@dataclass(frozen=True)
 class Surface:
     """A material: linear constants, or textures. Materials that look the same are equal."""
 
@@ -95,6 +144,7 @@ class Surface:
     normal_scale: float = 1.0
     anisotropy: float = 0.0
     anisotropy_rotation: float = 0.0
+    cutout: Cutout | None = None
 
     @property
     def textures(self) -> list[Texture]:
@@ -156,7 +206,9 @@ class Part:
 
     def lay(self, surface: Surface) -> None:
         """Chooses the uvs that a surface's textures are read with."""
-        lies = {t.lie for t in surface.textures} or {Lie()}
+        lies = {t.lie for t in surface.textures}
+        lies |= {surface.cutout.lie} if surface.cutout else set()
+        lies = lies or {Lie()}
         if len(lies) > 1:
             raise ValueError("a material's textures lie on its mesh in different ways: sets of uvs, or transforms")
         (lie,) = lies
@@ -168,14 +220,67 @@ class Part:
         from border to border."""
         if self.uvs is None:
             raise ValueError("a mesh with a texture has no uvs")
-        carried = {"vertices": self.vertices, "normals": _unit(self.normals)}
-        carried |= {k: v for k in ("tangents", "colors") if (v := getattr(self, k)) is not None}
-        values = np.hstack(list(carried.values()))
-        uvs, values, self.triangles = single_copies(self.uvs / copies, values, self.triangles, wraps)
-        ends = np.cumsum([v.shape[1] for v in carried.values()])
-        for name, columns in zip(carried, np.split(values, ends[:-1], axis=1), strict=True):
-            setattr(self, name, columns)
+        uvs, values, self.triangles = single_copies(self.uvs / copies, self._carried(), self.triangles, wraps)
+        self._carry(values)
         return uvs
+
+    def cut_out(self, cutout: Cutout) -> float:
+        """Cuts away what the cutout does not show; returns by how many texels the outline may be off."""
+        copies = copies_of(cutout.wrap, [self])
+        self.uvs = self.cut(cutout.wrap, copies) * copies
+        outline = cutout.outline(copies)
+        uvs, values, self.triangles, off = cut_out(self.uvs / copies, self._carried(), self.triangles, outline)
+        self.uvs = uvs * copies
+        self._carry(values)
+        return off
+
+    def _carried(self) -> NDArray:
+        """(n, k): what vertices have besides uvs."""
+        self.normals = _unit(self.normals)
+        return np.hstack([v for name in _CARRIED if (v := getattr(self, name)) is not None])
+
+    def _carry(self, values: NDArray) -> None:
+        start = 0
+        for name in _CARRIED:
+            if (old := getattr(self, name)) is not None:
+                setattr(self, name, values[:, start : start + old.shape[1]])
+                start += old.shape[1]
+
+
+_CARRIED = ("vertices", "normals", "tangents", "colors")
+
+
+def copies_of(wrap: tuple[str, str], parts: list[Part]) -> tuple[int, int]:
+    """How many times a texture lies from border to border, along u and v: a mirrored one that repeats has its mirror
+    image beside it."""
+    u, v = (2 if way == "mirror" and any(p.reaches_beyond[k] for p in parts) else 1 for k, way in enumerate(wrap))
+    return u, v
+
+
+def cut_away(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[list[Part], set[str]]:
+    """The parts without what their surfaces' cutouts do not show, and what is left out of that.
+
+    Raises ValueError where nothing is left.
+    """
+    left_out: set[str] = set()
+    for part in parts:
+        cutout = surfaces[part.material].cutout
+        if cutout is None:
+            continue
+        if not (cutout.alpha >= cutout.cutoff).any():
+            part.triangles = part.triangles[:0]
+            continue
+        try:
+            off = part.cut_out(cutout)
+        except ValueError as error:
+            left_out.add(f"transparency ({error})")
+            continue
+        if off > _FINE:
+            left_out.add(f"detail of outlines below {off:g} texels")
+    parts = [part for part in parts if len(part.triangles)]
+    if not parts:
+        raise ValueError("all of it is transparent")
+    return parts, left_out
 
 
 def _unit(normals: NDArray) -> NDArray:
@@ -207,16 +312,7 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
     if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
         raise ValueError("its materials differ in anisotropy")
 
-    # A mirrored texture repeats with its mirror image beside it.
-    def copies_of(m: int) -> tuple[int, int]:
-        own = [p for p in parts if p.material == m]
-        u, v = (
-            2 if wrap == "mirror" and any(p.reaches_beyond[k] for p in own) else 1
-            for k, wrap in enumerate(surfaces[m].wrap)
-        )
-        return u, v
-
-    copies = {m: copies_of(m) for m in surfaces}
+    copies = {m: copies_of(s.wrap, [p for p in parts if p.material == m]) for m, s in surfaces.items()}
     sizes = {m: (s.size[0] * copies[m][0], s.size[1] * copies[m][1]) for m, s in surfaces.items()}
     atlas = packed(list(sizes.values()))
     where = dict(zip(surfaces, atlas.cells, strict=True))

@@ -51,8 +51,7 @@ def _check(corners: NDArray, wraps: tuple[str, str]) -> None:
     copies = max(float(np.floor(n).sum()) for n in (*spans, areas))  # what lies on one copy is not cut
     if copies > _MOST_COPIES:
         raise ValueError(
-            f"a texture repeats {copies:.0f} times, with textures of other materials beside it; it may {_MOST_COPIES} "
-            "times"
+            f"a texture repeats {copies:.0f} times where triangles are cut at its borders; it may {_MOST_COPIES} times"
         )
 
 
