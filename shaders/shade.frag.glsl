@@ -168,9 +168,9 @@ vec3 shade(vec3 position, vec4 share, SurfacePoint p) {
   vec2 albedo = sample_ggx_albedo(local, p.roughness);
   vec3 edge;
   vec3 front = sample_ggx(p.frame, local, alpha_of(p.roughness), position, albedo, edge);
-  vec3 colour = p.emission + share.a * pbr_reflected(p.base_color, p.metallic, albedo, front, edge);
+  vec3 colour = p.emission + share.a * pbr_reflected(p.base_color, p.metallic, dielectric, albedo, front, edge);
 #if DIFFUSE
-  colour += pbr_diffuse(p.base_color, p.metallic, albedo) * (share.rgb / 3.14159265) * irradiance(p.frame[2]);
+  colour += pbr_diffuse(p.base_color, p.metallic, dielectric, albedo) * (share.rgb / 3.14159265) * irradiance(p.frame[2]);
 #endif
   return colour;
 }

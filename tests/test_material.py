@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scenes import scene_of
 from test_gl import needs_gl
+from test_mesh_files import Gltf
 
 import fastibl
 from conftest import same_error
@@ -79,9 +80,16 @@ def test_constants_and_textures():
 
 def test_equality_and_pickles():
     texture = np.random.default_rng(1).random((4, 4, 3))
-    make = lambda: fastibl.Material.pbr(texture, 0.5, 0.3, texture, anisotropy=0.4, anisotropy_rotation=1.0)  # noqa: E731
-    assert make() == make() and pickle.loads(pickle.dumps(make())) == make()
-    assert make() != fastibl.Material.pbr(texture, 0.5, 0.3, anisotropy=0.4) and make() != fastibl.Material()
+    look = {
+        "base_color": texture, "metallic": 0.5, "roughness": 0.3, "normal": texture, "anisotropy": 0.4,
+        "anisotropy_rotation": 1.0, "ior": 2.0, "specular": 0.5, "specular_color": (1, 2, 0.5),
+    }  # fmt: skip
+    make = fastibl.Material.pbr
+    assert make(**look) == make(**look) and pickle.loads(pickle.dumps(make(**look))) == make(**look)
+    for other in ({"normal": None}, {"ior": 1.5}, {"specular": 1.0}, {"specular_color": (1, 1, 1)}):
+        assert make(**look) != make(**look | other)
+    assert "ior=2.0, specular=0.5, specular_color=(1.0, 2.0, 0.5)" in repr(make(**look))
+    assert make(**look) != fastibl.Material()
     plain = fastibl.Material(diffuse=(0.1, 0.2, 0.3))
     assert pickle.loads(pickle.dumps(plain)) == plain
     mesh = sphere(4)
@@ -105,6 +113,11 @@ def test_bad_input_is_named():
     same_error(lambda: pbr(normal=(0, 0, 1)), TypeError, "normal", "tuple")
     same_error(lambda: pbr(emission=(-1, 0, 0)), ValueError, "emission", "-1")
     same_error(lambda: pbr(anisotropy=2), ValueError, "anisotropy", "2")
+    for ior in (0.5, -1, np.nan, np.inf):
+        same_error(lambda ior=ior: pbr(ior=ior), ValueError, "ior must be at least 1, or 0")
+    same_error(lambda: pbr(specular=1.5), ValueError, "specular", "0 to 1", "1.5")
+    same_error(lambda: pbr(specular_color=(1, -1, 1)), ValueError, "specular_color", "-1")
+    same_error(lambda: pbr(specular_color=1.0), TypeError, "specular_color")
     same_error(
         lambda: fastibl.Mesh(np.zeros((3, 3)), [[0, 1, 2]], normals=np.zeros((2, 3))), ValueError, "normals", "2"
     )
@@ -231,6 +244,76 @@ def test_reflectance_follows_the_split_sum():
         np.testing.assert_allclose(seen, (f0 * a + b) * (1 + f0 * (1 / whole - 1)), atol=1e-3)
 
 
+@pytest.mark.parametrize("ior", [0, 1, 1.33, 1.5, 2.4])
+@pytest.mark.parametrize("specular", [0.0, 0.4, 1.0])
+def test_a_dielectric_reflects_all_or_hands_it_down(ior, specular):
+    """A white one under white light is white, whatever it reflects; a black one shows what it reflects."""
+    for roughness, color in ((0.1, (1, 1, 1)), (0.7, (1, 1, 1)), (0.5, (3, 1, 0.2))):
+        look = {"ior": ior, "specular": specular, "specular_color": color}
+        white, black = (
+            layer_of(sphere(), fastibl.Material.pbr((base,) * 3, 0.0, roughness, **look), WHITE) for base in (1, 0)
+        )
+        inside = white[..., 3] == 1
+        f0 = np.minimum(((ior - 1) / (ior + 1)) ** 2 * np.array(color), 1)
+        if len(set(f0)) == 1:
+            np.testing.assert_allclose(white[inside][:, :3], 1, atol=2e-3)
+        assert white[inside][:, :3].max() < 1.002  # as little of every colour goes down as of the strongest
+        middle = black[np.argwhere(inside).mean(axis=0).astype(int)[0], np.argwhere(inside).mean(axis=0).astype(int)[1]]
+        a, c = fastibl.ggx_albedo(np.array([0.0, 0, 1]), alpha=np.full(2, max(roughness**2, 0.02)))
+        np.testing.assert_allclose(middle[:3], specular * (f0 * a + c) * (1 + f0 * (1 / (a + c) - 1)), atol=3e-3)
+
+
+@pytest.mark.parametrize("degrees", [0, 60, 80])
+def test_ior_and_specular_against_the_lobe(degrees):
+    """Direction by direction, with Schlick's term: KHR_materials_ior and KHR_materials_specular."""
+    d = fastibl.texel_directions(64)
+    source = fastibl.CubeMap((0.2 + 3 * np.exp(-6 * np.abs(d[..., 2:] - 0.15)) * [1.0, 0.7, 0.5]).astype(np.float32))
+    fine_white = fastibl.CubeMap(np.ones((6, 64, 64, 3), np.float32))
+    for ior, specular, color in ((1.33, 1.0, (1, 1, 1)), (2.4, 0.6, (1, 1, 1)), (1.5, 1.0, (2, 1, 0.25))):
+        f0 = np.minimum(((ior - 1) / (ior + 1)) ** 2 * np.array(color), 1)
+        true = specular * by_fresnel(degrees, source, f0, 0.25)
+        look = {"ior": ior, "specular": specular, "specular_color": color}
+        seen = seen_under(degrees, fastibl.Material.pbr((0, 0, 0), 0.0, 0.5, **look), source,
+                          {"glossy": fastibl.Method("sampled", taps=4096)})  # fmt: skip
+        print(f"{degrees} degrees, {look}: off by {100 * np.abs(seen / true - 1).max():.2f} %")
+        np.testing.assert_allclose(seen, true, rtol=0.01)
+        # What it keeps back is missing below.
+        reflects = specular * by_fresnel(degrees, fine_white, f0, 0.25)
+        both = seen_under(degrees, fastibl.Material.pbr((0.5,) * 3, 0.0, 0.5, **look), WHITE, "auto")
+        np.testing.assert_allclose(both, reflects + 0.5 * (1 - reflects.max()), atol=5e-3)
+
+
+def test_gltf_ior_and_specular(tmp_path):
+    def part(index, extensions, metallic=0.0, size=1.0):
+        look = {"pbrMetallicRoughness": {"baseColorFactor": [0.1 * (index + 1)] * 3 + [1], "metallicFactor": metallic},
+                "extensions": extensions}  # fmt: skip
+        corners = square().vertices * size + [3 * index, 0, 0]
+        attributes = {"POSITION": file.add(corners.astype("<f4"))}
+        return {"attributes": attributes, "indices": file.add(np.uint16([0, 1, 2, 0, 2, 3])), "material": index}, look
+
+    def material_of(*specs):
+        parts, looks = zip(*(part(k, *spec) for k, spec in enumerate(specs)), strict=True)
+        return fastibl.read_object(file.write(tmp_path / "a.gltf", list(parts), materials=list(looks)))[1]
+
+    ior, strength = {"KHR_materials_ior": {"ior": 2.0}}, {"KHR_materials_specular": {"specularFactor": 0.5}}
+    colour = {"KHR_materials_specular": {"specularColorFactor": [2, 1, 0.5]}}
+    file = Gltf()
+    m = material_of((ior | strength,))
+    assert (m.ior, m.specular, m.specular_color) == (2.0, 0.5, (1, 1, 1))
+    file = Gltf()
+    m = material_of((colour,), (colour,), ({}, 1.0))  # the metal's do not matter
+    assert (m.ior, m.specular) == (1.5, 1.0) and m.specular_color == pytest.approx((2, 1, 0.5))
+    file = Gltf()
+    with pytest.warns(UserWarning, match="a.gltf: what its materials reflect .* becomes their mean"):
+        m = material_of(({},), (ior | strength, 0.0, 2.0))  # of which the second has four times the area
+    assert m.specular == pytest.approx(0.6)
+    f0 = ((m.ior - 1) / (m.ior + 1)) ** 2 * np.array(m.specular_color)
+    np.testing.assert_allclose(0.6 * f0, (0.2 * 0.04 + 0.8 * 0.5 / 9), rtol=1e-4)
+    file = Gltf()
+    with pytest.warns(UserWarning, match="left out are textures of KHR_materials_specular"):
+        material_of(({"KHR_materials_specular": {"specularColorTexture": {"index": 0}}},))
+
+
 def test_nothing_overflows():
     faces = np.zeros((6, 64, 64, 3), np.float32)
     faces[4, 31, 31] = 1e6
@@ -342,11 +425,12 @@ def test_fresnel_is_a_part_of_the_lobe(degrees):
     [
         fastibl.Material.pbr((0.9, 0.6, 0.3), 1.0, 0.25),
         fastibl.Material.pbr((0.9, 0.6, 0.3), 0.0, 0.5),
+        fastibl.Material.pbr((0.2, 0.5, 0.9), 0.0, 0.3, ior=2.4, specular=0.8, specular_color=(1, 0.5, 0.2)),
         fastibl.Material.pbr((0.9, 0.8, 0.7), 1.0, 0.3, anisotropy=0.6, anisotropy_rotation=0.5),
         full_material(),
         full_material(0.5),
     ],
-    ids=["metal", "dielectric", "brushed", "textures", "brushed textures"],
+    ids=["metal", "dielectric", "coloured", "brushed", "textures", "brushed textures"],
 )
 def test_gl_looks_like_the_cpu(material, glossy, marked):
     cpu = layer_of(sphere(), material, marked, methods={"glossy": glossy})
@@ -505,13 +589,14 @@ def test_gltf_of_text_with_nodes(tmp_path):
 # --- the true renderer
 
 
-@pytest.mark.parametrize("name", ["dielectric", "brushed", "textures"])
+@pytest.mark.parametrize("name", ["dielectric", "coloured", "brushed", "textures"])
 def test_the_true_renderer_agrees(name):
     """The colour of a ball by brute force over the map, with the Fresnel term inside the lobe's integral."""
     from fastibl.truth import TrueRenderer
 
     material = {
         "dielectric": fastibl.Material.pbr((0.6, 0.4, 0.2), 0.0, 0.6),
+        "coloured": fastibl.Material.pbr((0.6, 0.4, 0.2), 0.0, 0.6, ior=2.2, specular=0.7, specular_color=(1, 0.5, 2)),
         "brushed": fastibl.Material.pbr((0.9, 0.8, 0.7), 1.0, 0.5, anisotropy=0.5, anisotropy_rotation=0.3),
         "textures": full_material(),
     }[name]

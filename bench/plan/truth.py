@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import reference
-from fastibl.truth import TrueRenderer, pbr_surface, transmitted
+from fastibl.truth import TrueRenderer, dielectric_of, pbr_surface, transmitted
 
 from .. import inputs
 from ..brute import Part, stored
@@ -216,9 +216,9 @@ def truth(map_name: str, mesh: str, material_name: str) -> Picture:
         edge = every[material_name][:, count:][:, three] * c[:, None]
         more = 1 / np.maximum(a + c, 1e-4)[:, None] - 1
         m, base = p.metallic[:, None], p.base_color
-        through = transmitted(a, c)[:, None]
+        through = transmitted(a, c, material)[:, None]
         colour = (1 - m) * base * through * light / np.pi
-        for share, f0 in (((1 - m), 0.04), (m, base)):
+        for share, f0 in ((material.specular * (1 - m), dielectric_of(material)), (m, base)):
             colour = colour + share * (f0 * front + edge) * (1 + f0 * more)
         sends = (1 - p.metallic[0]) * p.base_color[0]
     else:

@@ -118,7 +118,8 @@ py::object number_or_array(float constant, const std::shared_ptr<const SurfaceTe
 
 Material pbr(const py::object& base_color, const py::object& metallic, const py::object& roughness,
              const py::object& normal, const py::object& emission, float anisotropy,
-             float anisotropy_rotation, float normal_scale, const py::object& wrap) {
+             float anisotropy_rotation, float normal_scale, const py::object& wrap, float ior,
+             float specular, const py::object& specular_color) {
   PbrMaterial m;
   const SurfaceTexture::Wraps wraps = wraps_of(wrap);
   set_colour(base_color, "base_color", m.base_color, m.base_color_map, wraps);
@@ -133,6 +134,8 @@ Material pbr(const py::object& base_color, const py::object& metallic, const py:
   }
   m.anisotropy = anisotropy, m.anisotropy_rotation = anisotropy_rotation;
   m.normal_scale = normal_scale;
+  m.ior = ior, m.specular = specular;
+  m.specular_color = require_triple(specular_color, "specular_color");
   const py::gil_scoped_release release;
   return Material::make_pbr(m);
 }
@@ -168,6 +171,9 @@ std::string text_of(const Material& m) {
   if (p.emission_map || p.emission != glm::vec3(0))
     out += ", emission=" + text(colour_or_array(p.emission, p.emission_map));
   if (p.anisotropy > 0) out += ", anisotropy=" + text(py::float_(p.anisotropy));
+  if (p.ior != 1.5f) out += ", ior=" + text(py::float_(p.ior));
+  if (p.specular != 1) out += ", specular=" + text(py::float_(p.specular));
+  if (p.specular_color != glm::vec3(1)) out += ", specular_color=" + text(triple(p.specular_color));
   return out + ")";
 }
 
@@ -181,7 +187,7 @@ py::tuple state_of(const Material& m) {
   return py::make_tuple(triple(p.base_color), p.metallic, p.roughness, triple(p.emission),
                         p.anisotropy, p.anisotropy_rotation, p.normal_scale, map(p.base_color_map),
                         map(p.metallic_map), map(p.roughness_map), map(p.emission_map),
-                        map(p.normal_map), wrap_of(p));
+                        map(p.normal_map), wrap_of(p), p.ior, p.specular, triple(p.specular_color));
 }
 
 Material from_state(const py::tuple& t) {
@@ -203,6 +209,8 @@ Material from_state(const py::tuple& t) {
     if (const py::object array = t[7 + i]; !array.is_none())
       *maps[i] =
           texture(array, "texture", i == 1 || i == 2 ? 1 : 3, Coding::linear, wraps_of(t[12]));
+  p.ior = t[13].cast<float>(), p.specular = t[14].cast<float>();
+  p.specular_color = require_triple(t[15], "specular_color");
   return Material::make_pbr(p);
 }
 
@@ -234,7 +242,8 @@ ValueError for negative values.)")
           py::arg("metallic") = 0.0, py::arg("roughness") = 0.5, py::arg("normal") = py::none(),
           py::arg("emission") = py::make_tuple(0.0, 0.0, 0.0), py::kw_only(),
           py::arg("anisotropy") = 0.0f, py::arg("anisotropy_rotation") = 0.0f,
-          py::arg("normal_scale") = 1.0f, py::arg("wrap") = "repeat",
+          py::arg("normal_scale") = 1.0f, py::arg("wrap") = "repeat", py::arg("ior") = 1.5f,
+          py::arg("specular") = 1.0f, py::arg("specular_color") = py::make_tuple(1.0, 1.0, 1.0),
           R"(glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is not metal), compensated for
 multiple scattering, over a diffuse base.
 
@@ -247,6 +256,9 @@ turned by anisotropy_rotation (radians) towards where v grows.
 Without uvs the tangent runs around the mesh's z axis, and Scene refuses textures.
 Textures are filtered trilinearly; wrap: how they go on beyond their edges, "repeat", "clamp" (their border) or
 "mirror", or two of these, along u and v.
+ior, specular, specular_color: of what is not metal (KHR_materials_ior, KHR_materials_specular). The index of
+refraction, at least 1, or 0 for a mirror; the strength in [0, 1] of what it reflects; and a linear RGB factor on what
+it reflects along the normal, ((ior - 1) / (ior + 1))^2. What it does not reflect goes into the diffuse base.
 Raises ValueError for values out of range or another shape, TypeError for another dtype.)")
       .def_property_readonly(
           "model", [](const Material& m) { return m.pbr ? "pbr" : "blinn-phong"; },
@@ -297,6 +309,18 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
                                return py::float_(p.normal_scale);
                              }),
                              "Factor on the normal map's x and y; None for Eq. 3.")
+      .def_property_readonly("ior", of_pbr([](const PbrMaterial& p) -> py::object {
+                               return py::float_(p.ior);
+                             }),
+                             "Index of refraction of what is not metal; None for Eq. 3.")
+      .def_property_readonly("specular", of_pbr([](const PbrMaterial& p) -> py::object {
+                               return py::float_(p.specular);
+                             }),
+                             "Strength of what reflects without being metal; None for Eq. 3.")
+      .def_property_readonly("specular_color", of_pbr([](const PbrMaterial& p) -> py::object {
+                               return triple(p.specular_color);
+                             }),
+                             "Factor (RGB) on what it reflects along the normal; None for Eq. 3.")
       .def_property_readonly("wrap", of_pbr(&wrap_of),
                              "How textures go on beyond their edges along u and v; None for Eq. 3.")
       .def(

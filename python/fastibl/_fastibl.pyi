@@ -658,7 +658,7 @@ class Material:
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     @staticmethod
-    def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0, wrap: typing.Any = 'repeat') -> Material:
+    def pbr(base_color: typing.Any = (0.8, 0.8, 0.8), metallic: typing.Any = 0.0, roughness: typing.Any = 0.5, normal: typing.Any = None, emission: typing.Any = (0.0, 0.0, 0.0), *, anisotropy: typing.SupportsFloat | typing.SupportsIndex = 0.0, anisotropy_rotation: typing.SupportsFloat | typing.SupportsIndex = 0.0, normal_scale: typing.SupportsFloat | typing.SupportsIndex = 1.0, wrap: typing.Any = 'repeat', ior: typing.SupportsFloat | typing.SupportsIndex = 1.5, specular: typing.SupportsFloat | typing.SupportsIndex = 1.0, specular_color: typing.Any = (1.0, 1.0, 1.0)) -> Material:
         """
         glTF's metallic-roughness model: GGX with Fresnel (Schlick, 4 % for what is not metal), compensated for
         multiple scattering, over a diffuse base.
@@ -672,6 +672,9 @@ class Material:
         Without uvs the tangent runs around the mesh's z axis, and Scene refuses textures.
         Textures are filtered trilinearly; wrap: how they go on beyond their edges, "repeat", "clamp" (their border) or
         "mirror", or two of these, along u and v.
+        ior, specular, specular_color: of what is not metal (KHR_materials_ior, KHR_materials_specular). The index of
+        refraction, at least 1, or 0 for a mirror; the strength in [0, 1] of what it reflects; and a linear RGB factor on what
+        it reflects along the normal, ((ior - 1) / (ior + 1))^2. What it does not reflect goes into the diffuse base.
         Raises ValueError for values out of range or another shape, TypeError for another dtype.
         """
     def __eq__(self, arg0: object) -> bool:
@@ -720,6 +723,11 @@ class Material:
         k_G; None for a pbr material.
         """
     @property
+    def ior(self) -> typing.Any:
+        """
+        Index of refraction of what is not metal; None for Eq. 3.
+        """
+    @property
     def metallic(self) -> typing.Any:
         """
         A number or a texture; None of Eq. 3.
@@ -743,6 +751,16 @@ class Material:
     def roughness(self) -> typing.Any:
         """
         A number or a texture; None of Eq. 3.
+        """
+    @property
+    def specular(self) -> typing.Any:
+        """
+        Strength of what reflects without being metal; None for Eq. 3.
+        """
+    @property
+    def specular_color(self) -> typing.Any:
+        """
+        Factor (RGB) on what it reflects along the normal; None for Eq. 3.
         """
     @property
     def wrap(self) -> typing.Any:

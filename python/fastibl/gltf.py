@@ -28,8 +28,8 @@ from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {
-    "EXT_mesh_gpu_instancing", "KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_mesh_quantization",
-    "KHR_texture_transform",
+    "EXT_mesh_gpu_instancing", "KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_specular", "KHR_mesh_quantization", "KHR_texture_transform",
 }  # fmt: skip
 _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
@@ -161,6 +161,12 @@ class _File(Container):
         anisotropy = extensions.get("KHR_materials_anisotropy", {})
         if "anisotropyTexture" in anisotropy:
             raise ValueError("it has a texture of anisotropy")
+        specular = extensions.get("KHR_materials_specular", {})
+        if {"specularTexture", "specularColorTexture"} & specular.keys():
+            self.left_out.add("textures of KHR_materials_specular")
+        look["specular"] = float(specular.get("specularFactor", 1))
+        look["specular_color"] = _colour(specular.get("specularColorFactor", [1, 1, 1]))
+        look["ior"] = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
         return Surface(
             **look, anisotropy=float(anisotropy.get("anisotropyStrength", 0)),
             anisotropy_rotation=float(anisotropy.get("anisotropyRotation", 0)),

@@ -144,6 +144,9 @@ class Surface:
     normal_scale: float = 1.0
     anisotropy: float = 0.0
     anisotropy_rotation: float = 0.0
+    ior: float = 1.5
+    specular: float = 1.0
+    specular_color: tuple[float, ...] = (1.0, 1.0, 1.0)
     cutout: Cutout | None = None
 
     @property
@@ -178,7 +181,7 @@ class Surface:
         return Material.pbr(
             base_color, metallic, roughness, normal, emission, anisotropy=self.anisotropy,
             anisotropy_rotation=self.anisotropy_rotation, normal_scale=self.normal_scale,
-            wrap=self.wrap,
+            wrap=self.wrap, ior=self.ior, specular=self.specular, specular_color=self.specular_color,
         )  # fmt: skip
 
 
@@ -306,9 +309,32 @@ def _scaled_bumps(normals: NDArray[np.float32], scale: float) -> NDArray[np.floa
     return normals * 0.5 + 0.5
 
 
-def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, set[str]]:
-    """One material for all surfaces, and the sizes of the textures that were shrunk; moves the uvs of the parts to the
-    material's textures."""
+def _area(part: Part) -> float:
+    a, b, c = np.moveaxis(part.vertices[part.triangles], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum() / 2)
+
+
+def _specular_of(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[dict[str, Any], bool]:
+    """What of all surfaces is not metal reflects, as arguments of Material.pbr; and whether that is the mean, by area,
+    of surfaces that differ."""
+    others = {m: s for m, s in surfaces.items() if s.metallic != 1.0}  # of a metal it does not matter
+    looks = {(s.ior, s.specular, s.specular_color) for s in others.values()}
+    if len(looks) < 2:
+        ior, specular, color = looks.pop() if looks else (1.5, 1.0, (1.0, 1.0, 1.0))
+        return {"ior": ior, "specular": specular, "specular_color": color}, False
+    areas = {m: sum(_area(p) for p in parts if p.material == m) for m in others}
+    whole = max(sum(areas.values()), 1e-30)
+    strength, light = 0.0, np.zeros(3)
+    for m, s in others.items():
+        f0 = np.minimum(((s.ior - 1) / (s.ior + 1)) ** 2 * np.array(s.specular_color), 1)
+        strength += areas[m] / whole * s.specular
+        light += areas[m] / whole * s.specular * f0
+    return {"specular": strength, "specular_color": tuple(light / max(0.04 * strength, 1e-9))}, True
+
+
+def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, list[str]]:
+    """One material for all surfaces, and what of them it does not keep; moves the uvs of the parts to the material's
+    textures."""
     if len({(s.anisotropy, s.anisotropy_rotation) for s in surfaces.values()}) > 1:
         raise ValueError("its materials differ in anisotropy")
 
@@ -327,6 +353,10 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
         for m, (w, h) in sizes.items()
         if (w, h) != (where[m].columns, where[m].rows)
     }
+    told = [f"textures are shrunk beside each other: {', '.join(sorted(shrunk))}"] if shrunk else []
+    specular, mean = _specular_of(parts, surfaces)
+    if mean:
+        told.append("what its materials reflect without being metal (KHR_materials_specular, _ior) becomes their mean")
 
     def laid(name: str, channels: int, missing: Any = None) -> NDArray[np.float32]:
         sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
@@ -364,9 +394,9 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, s
     merged = Material.pbr(
         joined("base_color", 3), joined("metallic", 1), joined("roughness", 1),
         laid("normal", 3, (0.5, 0.5, 1.0)) if any(s.normal is not None for s in surfaces.values()) else None,
-        joined("emission", 3), anisotropy=first.anisotropy, anisotropy_rotation=first.anisotropy_rotation,
+        joined("emission", 3), anisotropy=first.anisotropy, anisotropy_rotation=first.anisotropy_rotation, **specular,
     )  # fmt: skip
-    return merged, shrunk
+    return merged, told
 
 
 def mesh_of(parts: list[Part]) -> Mesh:
@@ -388,7 +418,7 @@ def _colors_of(part: Part) -> NDArray:
 def joined(path: Path, parts: list[Part], surfaces: dict[int, Surface], stacklevel: int) -> Material:
     """The one material of all, whose textures the parts' uvs are moved to. surfaces: by number; each looks another way.
 
-    Raises ValueError for textures that cannot lie side by side; warns of those that had to be shrunk.
+    Raises ValueError for textures that cannot lie side by side; warns of what is not kept.
     """
     if any(len(surfaces[p.material].wraps) > 1 and any(p.reaches_beyond) for p in parts):
         raise ValueError("its textures go on beyond their borders in different ways")
@@ -397,8 +427,7 @@ def joined(path: Path, parts: list[Part], surfaces: dict[int, Surface], stacklev
         if surface.textures and any(p.uvs is None for p in parts):
             raise ValueError("a mesh with a texture has no uvs")
         return surface.material()
-    material, shrunk = _atlas(parts, surfaces)
-    if shrunk:
-        sizes = ", ".join(sorted(shrunk))
-        warnings.warn(f"{path}: textures are shrunk beside each other: {sizes}", stacklevel=stacklevel + 1)
+    material, told = _atlas(parts, surfaces)
+    for text in told:
+        warnings.warn(f"{path}: {text}", stacklevel=stacklevel + 1)
     return material

@@ -149,9 +149,16 @@ def pbr_surface(material: Material, normals: NDArray, tangents: NDArray, uvs: ND
     return PbrSurface(at(material.base_color, 3), at(material.emission, 3), at(material.metallic, 1), alpha, frame)
 
 
-def transmitted(a: NDArray, c: NDArray) -> NDArray:
+def dielectric_of(material: Material) -> NDArray[np.float64]:
+    """What is not metal of a pbr material reflects along the normal (3,), without its strength."""
+    ratio = (material.ior - 1) / (material.ior + 1)
+    return np.minimum(ratio**2 * np.asarray(material.specular_color, np.float64), 1)
+
+
+def transmitted(a: NDArray, c: NDArray, material: Material) -> NDArray:
     """The share of its body's light that a dielectric's surface lets out, from ggx_albedo's two parts (n,)."""
-    return 1 - (0.04 * a + c) * (1 + 0.04 * (1 / np.maximum(a + c, 1e-4) - 1))
+    f0 = dielectric_of(material).max()  # as little of every colour
+    return np.maximum(1 - material.specular * (f0 * a + c) * (1 + f0 * (1 / np.maximum(a + c, 1e-4) - 1)), 0)
 
 
 def _coarse(count: int) -> NDArray:
@@ -275,7 +282,7 @@ class TrueRenderer:
                 across = np.sqrt((1 - square) / 2)
                 view = np.broadcast_to([across, across, np.sqrt(square)], (len(through), 3))
                 a, c = ggx_albedo(view, alpha=p.alpha).T.astype(np.float64)
-                through += transmitted(a, c) / 16
+                through += transmitted(a, c, material) / 16
             base_color = p.base_color if mesh.colors is None else p.base_color * mesh.colors
             reflectance, emission = (through * (1 - p.metallic))[:, None] * base_color, p.emission
         else:
@@ -374,9 +381,10 @@ class TrueRenderer:
                 return (f0 * front + edge) * (1 + f0 * more)
 
             m, base = p.metallic[part, None], p.base_color[part]
-            through = transmitted(a, c)[:, None]
+            through = transmitted(a, c, self.scene.material)[:, None]
             out[part] = p.emission[part] + (1 - m) * base * through * light[part] / np.pi
-            out[part] += (1 - m) * reflected(0.04) + m * reflected(base)
+            other = self.scene.material.specular * reflected(dielectric_of(self.scene.material))
+            out[part] += (1 - m) * other + m * reflected(base)
         return out
 
     def _seen_by(self, camera: Camera, back_from_marker: Pose) -> _Seen:

@@ -12,6 +12,7 @@ uniform sampler2D tangents;  // of the vertices; w: on which side of n x t v gro
 uniform sampler2D uvs;
 uniform vec3 base_color, emission;
 uniform float metallic, roughness, normal_scale, anisotropy;
+uniform vec4 dielectric;  // see pbr_reflected
 uniform vec2 turn;  // of the rougher direction, away from the tangent
 uniform sampler2D base_color_map, metallic_map, roughness_map, emission_map, normal_map;
 uniform sampler2D ggx_albedo;  // rows of cosines: each roughness, for the first azimuth, then the next

@@ -47,6 +47,10 @@ void PbrMaterial::validate() const {
         anisotropy_rotation);
   check(std::isfinite(normal_scale), "a material's normal_scale must be finite, got ",
         normal_scale);
+  check(ior == 0 || (ior >= 1 && std::isfinite(ior)), "a material's ior must be at least 1, or 0, got ",
+        ior);
+  check_share("specular", specular);
+  check_colour("specular_color", specular_color);
   check_map("base_color", base_color_map, 3, 0, 1);
   check_map("metallic", metallic_map, 1, 0, 1);
   check_map("roughness", roughness_map, 1, 0, 1);
@@ -54,10 +58,16 @@ void PbrMaterial::validate() const {
   check_map("normal", normal_map, 3, -1, 1);
 }
 
+glm::vec4 PbrMaterial::dielectric() const {
+  const float ratio = (ior - 1) / (ior + 1);
+  return {glm::min(ratio * ratio * specular_color, 1.0f), specular};
+}
+
 bool PbrMaterial::operator==(const PbrMaterial& o) const {
   return base_color == o.base_color && metallic == o.metallic && roughness == o.roughness &&
          emission == o.emission && anisotropy == o.anisotropy &&
          anisotropy_rotation == o.anisotropy_rotation && normal_scale == o.normal_scale &&
+         ior == o.ior && specular == o.specular && specular_color == o.specular_color &&
          same(base_color_map, o.base_color_map) && same(metallic_map, o.metallic_map) &&
          same(roughness_map, o.roughness_map) && same(emission_map, o.emission_map) &&
          same(normal_map, o.normal_map);
@@ -96,10 +106,11 @@ std::optional<LobeShape> Material::lobe() const {
   };
   const float alpha = ggx_alpha(pbr->roughness * mean(pbr->roughness_map).x, 0).x,
               metallic = pbr->metallic * mean(pbr->metallic_map).x;
-  const glm::vec3 colour = pbr->base_color * mean(pbr->base_color_map);
+  const auto grey = [](glm::vec3 colour) { return (colour.x + colour.y + colour.z) / 3; };
+  const float metal = grey(pbr->base_color * mean(pbr->base_color_map)),
+              other = pbr->specular * grey(pbr->dielectric());
   // Karis 2013 has 2/α² − 2, which is never below 0 either.
-  return LobeShape{2 / (alpha * alpha), true,
-                   glm::mix(0.04f, (colour.x + colour.y + colour.z) / 3, metallic)};
+  return LobeShape{2 / (alpha * alpha), true, glm::mix(other, metal, metallic)};
 }
 
 bool Material::reads_radiance() const { return pbr || (glossy != glm::vec3(0) && exponent != 0); }

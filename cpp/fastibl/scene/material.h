@@ -10,8 +10,8 @@
 
 namespace fastibl {
 
-// glTF 2.0's metallic-roughness model with KHR_materials_anisotropy, linear colours. A texture's
-// values are multiplied with the factor beside it.
+// glTF 2.0's metallic-roughness model with KHR_materials_anisotropy, _ior and _specular, linear
+// colours. A texture's values are multiplied with the factor beside it.
 struct PbrMaterial {
   glm::vec3 base_color{0.8f};
   float metallic = 0, roughness = 0.5f;
@@ -19,6 +19,10 @@ struct PbrMaterial {
   float anisotropy = 0;           // strength, 0 to 1
   float anisotropy_rotation = 0;  // angle from the tangent to the rougher direction, radians
   float normal_scale = 1;         // of the normal map's x and y
+  // Of what is not metal:
+  float ior = 1.5f;             // index of refraction: at least 1, or 0 for a mirror
+  float specular = 1;           // strength of what it reflects, 0 to 1
+  glm::vec3 specular_color{1};  // factor on what it reflects along the normal
   std::shared_ptr<const SurfaceTexture> base_color_map = {}, metallic_map = {}, roughness_map = {},
                                         emission_map = {};
   // Tangent space, (x, y, z) stored as they are, y up in uv.
@@ -27,6 +31,8 @@ struct PbrMaterial {
   bool textured() const {
     return base_color_map || metallic_map || roughness_map || emission_map || normal_map;
   }
+  // What is not metal reflects along the normal, and the strength of all that it reflects.
+  glm::vec4 dielectric() const;
   void validate() const;  // throws for values out of range
   bool operator==(const PbrMaterial& other) const;
 };

@@ -23,21 +23,22 @@ constexpr int kViews = 32;            // averaged for the light that leaves a di
 constexpr int kRoughnesses = 16;      // for which that light is worked out, if there are many
 
 // Share of the light from a dielectric's body that its surface lets out, over all directions.
-float transmitted(const GgxAlbedo& albedo, float roughness) {
+float transmitted(const GgxAlbedo& albedo, const glm::vec4& dielectric, float roughness) {
   float sum = 0;
   for (int i = 0; i < kViews; ++i) {
     const float square = (float(i) + 0.5f) / kViews, across = std::sqrt(0.5f * (1 - square));
     const glm::vec2 kept = albedo.sample({across, across, std::sqrt(square)}, roughness);
-    sum += shared::pbr_diffuse(glm::vec3(1), 0, kept).x;
+    sum += shared::pbr_diffuse(glm::vec3(1), 0, dielectric, kept).x;
   }
   return sum / kViews;
 }
 
 // The same by roughness.
-std::array<float, kRoughnesses + 1> transmitted_by_roughness(const GgxAlbedo& albedo) {
+std::array<float, kRoughnesses + 1> transmitted_by_roughness(const GgxAlbedo& albedo,
+                                                             const glm::vec4& dielectric) {
   std::array<float, kRoughnesses + 1> all;
   for (int i = 0; i <= kRoughnesses; ++i)
-    all[std::size_t(i)] = transmitted(albedo, float(i) / kRoughnesses);
+    all[std::size_t(i)] = transmitted(albedo, dielectric, float(i) / kRoughnesses);
   return all;
 }
 
@@ -180,8 +181,8 @@ std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh
   const PbrMaterial& m = *material.pbr;
   std::vector<Exitance> out;
   std::array<float, kRoughnesses + 1> by_roughness{};
-  if (m.roughness_map) by_roughness = transmitted_by_roughness(*material.albedo);
-  float through = m.roughness_map ? 1 : transmitted(*material.albedo, m.roughness);
+  if (m.roughness_map) by_roughness = transmitted_by_roughness(*material.albedo, m.dielectric());
+  float through = m.roughness_map ? 1 : transmitted(*material.albedo, m.dielectric(), m.roughness);
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     const auto read = [&](const std::shared_ptr<const SurfaceTexture>& map) {
       return map ? map->sample(mesh.uvs[i], mean_level(*map)) : glm::vec3(1);

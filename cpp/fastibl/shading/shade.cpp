@@ -79,15 +79,16 @@ void shade_pbr(std::span<const Fragment> fragments, const Material& material,
     }
   }
   const bool diffuse = material.reads_irradiance();
+  const glm::vec4 dielectric = m.dielectric();
   if (diffuse) evaluate(lighting.irradiance, {normals, count}, {irradiance, count});
   for (std::size_t i = 0; i < count; ++i) {
     const SurfacePoint& p = points[i];
     const glm::vec4 share = fragments[i].share;
     colours[i] = p.emission;
     if (diffuse)
-      colours[i] += shared::pbr_diffuse(p.base_color, p.metallic, albedos[i]) *
+      colours[i] += shared::pbr_diffuse(p.base_color, p.metallic, dielectric, albedos[i]) *
                     (glm::vec3(share) / kPi) * irradiance[i];
-    colours[i] += share.w * shared::pbr_reflected(p.base_color, p.metallic, albedos[i],
+    colours[i] += share.w * shared::pbr_reflected(p.base_color, p.metallic, dielectric, albedos[i],
                                                   lights[i].front_light(albedos[i]),
                                                   lights[i].edge_light(albedos[i]));
   }

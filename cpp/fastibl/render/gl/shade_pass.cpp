@@ -270,6 +270,8 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   glUniform1f(p.uniform("roughness"), m.roughness);
   glUniform1f(p.uniform("normal_scale"), m.normal_scale);
   glUniform1f(p.uniform("anisotropy"), m.anisotropy);
+  const glm::vec4 dielectric = m.dielectric();
+  glUniform4fv(p.uniform("dielectric"), 1, &dielectric.x);
   glUniform2f(p.uniform("turn"), std::cos(m.anisotropy_rotation), std::sin(m.anisotropy_rotation));
   material_.bind(gpu, p);
   mesh_.bind_uvs(gpu);
