@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .polygons import fans, kept_corners
+
 _LONGEST = 1024  # most texels of the alpha along an edge
 _BEYOND = {"clamp": 1 / 16}  # how far uvs reach beyond the picture, by its wrap; see fastibl.uv_borders
 _NEAR = 2e-3
@@ -61,12 +63,9 @@ def cut_out(
     vertices = np.hstack([uvs, values]).astype(np.float64)
     made = np.einsum("pkc,pci->pki", weights, vertices[triangles[which]])
     one, names = _same(made.reshape(-1, made.shape[2]), vertices)
-    polygons = names.reshape(made.shape[:2])
-    k = np.arange(1, polygons.shape[1] - 1)
-    fans = np.stack([polygons[:, :1] + 0 * k, polygons[:, k], polygons[:, k + 1]], axis=-1).reshape(-1, 3)
-    fans = fans[(fans[:, 0] != fans[:, 1]) & (fans[:, 1] != fans[:, 2]) & (fans[:, 2] != fans[:, 0])]
+    triangles = fans(names.reshape(made.shape[:2]))
     made = made.reshape(-1, made.shape[2])[one]
-    return made[:, :2], made[:, 2:], fans, tolerance
+    return made[:, :2], made[:, 2:], triangles, tolerance
 
 
 def grown(picture: NDArray, seen: NDArray) -> NDArray:
@@ -212,7 +211,7 @@ def _beyond(a: NDArray, b: NDArray) -> NDArray[np.float64]:
 
 def _pieces(corners: NDArray, shown: NDArray, pairs: NDArray) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """What each pair has in common: the triangle that it is part of, and the polygon's corners (p, 6, 3), as weights of
-    the triangle's; the last is repeated (Sutherland and Hodgman 1974)."""
+    the triangle's (Sutherland and Hodgman 1974)."""
     whole, by = corners[pairs[:, 0]], shown[pairs[:, 1]]
     weights = np.broadcast_to(np.eye(3), (len(pairs), 3, 3))
     for edge in range(3):
@@ -224,13 +223,8 @@ def _pieces(corners: NDArray, shown: NDArray, pairs: NDArray) -> tuple[NDArray[n
         cut = weights + way * (np.roll(weights, -1, axis=1) - weights)
         around = np.stack([weights, cut], axis=2).reshape(len(pairs), -1, 3)
         kept = np.stack([sides >= 0, crossed], axis=2).reshape(len(pairs), -1)
-        counts = kept.sum(axis=1)
-        order = np.argsort(~kept, axis=1, kind="stable")[:, : max(counts.max(initial=1), 1)]
-        order = np.where(np.arange(order.shape[1]) < counts[:, None], order, order[:, :1])
-        last = np.take_along_axis(order, np.maximum(counts - 1, 0)[:, None], axis=1)
-        order = np.where(np.arange(order.shape[1]) < counts[:, None], order, last)
-        weights = np.take_along_axis(around, order[..., None], axis=1)
-        keep = counts > 2
+        weights = np.take_along_axis(around, kept_corners(kept)[..., None], axis=1)
+        keep = kept.sum(axis=1) > 2
         weights, whole, by, pairs = weights[keep], whole[keep], by[keep], pairs[keep]
     return pairs[:, 0], weights
 

@@ -11,6 +11,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from .polygons import fans, kept_corners
+
 _NEAR = 1e-3  # of a texture: what reaches beyond its border by less shows the margin of its cell
 _MARGIN = 1 / 32  # of a texture: what lies beyond a clamped border is drawn together, but keeps its tangents
 _MOST_COPIES = 2**18  # on all triangles together: each becomes two or more of them
@@ -36,7 +38,7 @@ def single_copies(
             else:
                 vertices, polygons = _cut_at_integers(vertices, polygons, axis)
         vertices, polygons = _folded(vertices, polygons, wraps)
-        triangles = _fans(polygons)
+        triangles = fans(polygons)
     return vertices[:, :2], vertices[:, 2:], triangles
 
 
@@ -53,16 +55,6 @@ def _check(corners: NDArray, wraps: tuple[str, str]) -> None:
         raise ValueError(
             f"a texture repeats {copies:.0f} times where triangles are cut at its borders; it may {_MOST_COPIES} times"
         )
-
-
-# Polygons are convex: rows (m, k) of vertices, whose last one is repeated where there are fewer than k.
-
-
-def _fans(polygons: NDArray) -> NDArray[np.int64]:
-    """Triangles (n, 3)."""
-    k = np.arange(1, polygons.shape[1] - 1)
-    fans = np.stack([polygons[:, :1] + 0 * k, polygons[:, k], polygons[:, k + 1]], axis=-1)
-    return fans[fans[..., 1] != fans[..., 2]]
 
 
 def _cut_at_integers(vertices: NDArray, polygons: NDArray, axis: int) -> tuple[NDArray, NDArray]:
@@ -107,12 +99,7 @@ def _cut(vertices: NDArray, polygons: NDArray, axis: int, borders: NDArray) -> t
 
 def _rows(around: NDArray, kept: NDArray) -> NDArray:
     """Polygons of the vertices (m, k, 2) that are kept."""
-    around, kept = around.reshape(len(around), -1), kept.reshape(len(kept), -1)
-    counts = kept.sum(axis=1)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, : counts.max()]
-    rows = np.take_along_axis(around, order, axis=1)
-    last = np.take_along_axis(rows, counts[:, None] - 1, axis=1)
-    return np.where(np.arange(rows.shape[1]) < counts[:, None], rows, last)
+    return np.take_along_axis(around.reshape(len(around), -1), kept_corners(kept.reshape(len(kept), -1)), axis=1)
 
 
 def _folded(vertices: NDArray, polygons: NDArray, wraps: tuple[str, str]) -> tuple[NDArray, NDArray]:
