@@ -40,8 +40,8 @@ def rgba(alpha, color=(255, 255, 255), hidden=None):
     return picture
 
 
-def write(path, picture, look=SHINING, uvs=CORNERS, wrap="repeat", others=0, colors=None):
-    """A square of 0.1 with a texture (h, w, 3 or 4), and plain ones of other materials out of view."""
+def write(path, picture, look=SHINING, uvs=CORNERS, wrap="repeat", others=0, colors=None, copies=1):
+    """A square of 0.1 with a texture (h, w, 3 or 4), and plain ones of other materials out of view. copies: of all."""
     file, parts = Gltf(), []
     order = [2, 1, 0, 3][: picture.shape[2]]
     png = cv2.imencode(".png", np.asarray(picture, np.uint8)[..., order])[1]
@@ -50,6 +50,7 @@ def write(path, picture, look=SHINING, uvs=CORNERS, wrap="repeat", others=0, col
         attributes = {"POSITION": corners, "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
         attributes |= {} if colors is None else {"COLOR_0": file.add(np.asarray(colors, "<f4"))}
         parts.append({"attributes": attributes, "indices": file.add(np.uint16([0, 1, 2, 0, 2, 3])), "material": k})
+    file.json["nodes"] = [{"mesh": 0, "translation": [0, k, 0]} for k in range(copies)]
     black = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
     looks = [look] + [black | {"emissiveFactor": [0, (k + 1) / others, 1]} for k in range(others)]
     return file.write(
@@ -141,7 +142,7 @@ def test_a_fine_mesh_is_cut_as_a_coarse_one():
     a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     slope = np.array([[1.0, 2, 3], [-1, 0.5, 2]])
-    uvs, values, cut, off = cutouts.cut_out(at, at @ slope, triangles, outline)
+    [(uvs, values, cut)], off = cutouts.cut_out([cutouts.Cut(at, at @ slope, triangles, outline)])
     np.testing.assert_allclose(values, uvs @ slope, atol=1e-6)
     (ax, ay), (bx, by) = (uvs[cut[:, 1]] - uvs[cut[:, 0]]).T, (uvs[cut[:, 2]] - uvs[cut[:, 0]]).T
     areas = (ax * by - ay * bx) / 2
@@ -189,6 +190,58 @@ def test_many_copies_have_a_coarser_outline_and_say_so(tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match="left out are transparency .*more than 1 triangles"):
         mesh, _ = fastibl.read_object(path)
     assert len(mesh.triangles) == 2
+
+
+def test_many_squares_with_one_picture(tmp_path):
+    """A tree of leaves keeps its leaves; all parts together have a bound."""
+    y, x = (np.mgrid[:64, :64] + 0.5) / 64
+    ellipse = np.clip((0.45 - np.hypot((x - 0.5) * 2, y - 0.5)) * 64 + 0.5, 0, 1)
+    for copies, uvs in ((1, CORNERS * 70), (6000, CORNERS)):
+        path = write(tmp_path / "a.gltf", rgba(ellipse), uvs=uvs, copies=copies)
+        with pytest.warns(UserWarning, match="left out are detail of outlines below [124] texels"):
+            mesh, _ = fastibl.read_object(path)
+        areas = np.linalg.norm(np.cross(*np.diff(mesh.vertices[mesh.triangles], axis=1).transpose(1, 0, 2)), axis=1) / 2
+        share = areas.sum() / (copies * 0.04)
+        print(f"{copies} squares: {len(mesh.triangles)} triangles, {share:.3f} of their area")
+        assert len(mesh.triangles) < 300_000 and share == pytest.approx((ellipse >= 0.5).mean(), rel=0.06)
+
+
+def test_what_would_cover_more_or_less_stays_whole(tmp_path):
+    """A fence of thin wires whose outline would fill its holes, were it coarser."""
+    wires = np.zeros((512, 512))
+    wires[::16] = wires[1::16] = wires[:, ::16] = wires[:, 1::16] = 1
+    with pytest.warns(UserWarning, match="left out are transparency .*more than 262144 triangles"):
+        mesh, _ = fastibl.read_object(write(tmp_path / "a.gltf", rgba(wires), uvs=CORNERS * 20))
+    assert len(mesh.triangles) == 2 and mesh.uvs.max() == 20
+
+
+def test_pieces_without_anything_to_see(tmp_path):
+    """Squares that show nothing go; the others are cut."""
+    alpha = leaf()
+    alpha[:, :20] = 0
+    check_coverage(write(tmp_path / "a.gltf", rgba(alpha)), covered(alpha))
+    with pytest.raises(ValueError, match="all of it is transparent"):
+        read(write(tmp_path / "a.gltf", rgba(alpha), uvs=CORNERS * 0.25))
+    path = write(tmp_path / "a.gltf", rgba(alpha), uvs=CORNERS * 0.25, others=1)
+    assert len(read(path)[0].triangles) == 2
+
+
+@pytest.mark.parametrize("at, shown", [((0.25, 0.6), 2), ((0.9, 0.1), 0)])
+def test_colours_of_a_palette_are_there_or_not(at, shown, tmp_path):
+    """Triangles that show one place of the picture, as low-poly models have them."""
+    path = write(tmp_path / "a.gltf", rgba(leaf()), uvs=np.tile(at, (4, 1)), others=1)
+    assert len(read(path)[0].triangles) == 2 + shown
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 5])
+def test_thin_strands_of_large_pictures_keep_their_area(width):
+    thin = np.zeros((4096, 4096), np.float32)
+    for k in range(width):
+        thin[:, 100 + k : 4000 : 151] = 1
+    outline = cutouts.Outline(thin, 0.5, ("clamp", "clamp"))
+    share = cutouts._twice_areas(outline.within(0.25)).sum() / 2 / (1 + 2 / 16)
+    print(f"strands of {width} in 4096 texels: {share:.4f}, of {thin.mean():.4f}")
+    assert share == pytest.approx(thin.mean(), rel=0.25)
 
 
 def test_shadows_have_the_outline(tmp_path):
@@ -251,8 +304,12 @@ def test_what_is_blended_is_cut_where_it_is_an_outline(tmp_path):
     wide = leaf(256, 192)
     check_coverage(write(tmp_path / "a.gltf", rgba(wide), blended), covered(wide))
     glass = {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.3]}, "alphaMode": "BLEND"}
+    window = np.where(np.hypot(*(np.mgrid[:192, :256] - 100.0)) < 25, 0.3, 1.0)  # 4 % of it
     soft = cv2.GaussianBlur(wide, (0, 0), 40)
-    for picture, look in ((rgba(soft), blended), (rgba(0.3 + 0 * soft), blended), (rgba(wide), glass)):
+    for picture, look in (
+        (rgba(soft), blended), (rgba(0.3 + 0 * soft), blended), (rgba(wide), glass), (rgba(window), blended),
+        (rgba(0.08 + 0 * soft), blended),
+    ):  # fmt: skip
         with pytest.warns(UserWarning, match="a.gltf: left out are transparency$"):
             mesh, _ = fastibl.read_object(write(tmp_path / "a.gltf", picture, look))
         assert len(mesh.triangles) == 2
@@ -319,5 +376,6 @@ def test_border_cuts_leave_outlines_whole():
     alpha[6:10, 6:10] = 0
     uvs, values, triangles = single_copies(np.array([(0, 0), (1.0005, 0), (1, 1.0005), (0, 1)]), np.zeros((4, 1)),
                                            np.array([(0, 1, 2), (0, 2, 3)]), ("repeat", "repeat"))  # fmt: skip
-    uvs, *_ = cutouts.cut_out(uvs, values, triangles, cutouts.Outline(alpha, 0.5, ("repeat", "repeat")))
+    outline = cutouts.Outline(alpha, 0.5, ("repeat", "repeat"))
+    [(uvs, *_)], _ = cutouts.cut_out([cutouts.Cut(uvs, values, triangles, outline)])
     assert uvs.max(axis=0) == pytest.approx((1.0005, 1.0005), abs=1e-9)

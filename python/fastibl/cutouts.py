@@ -1,14 +1,15 @@
 """Triangles cut along the outline of what a texture shows: where its alpha is below a cutoff, there is no surface.
 
 Cut once, a leaf on a square is a leaf for pictures, rays, shadows and spheres alike. The outline is where the bilinear
-alpha equals the cutoff, as a graphics card draws it, within a quarter of a texel; pictures larger than 1024 texels are
-shrunk to that first. A mesh that would get too many triangles has a coarser outline.
+alpha equals the cutoff, as a graphics card draws it, within a quarter of a texel. Pictures larger than 1024 texels, and
+those with more edges than an outline can have, are shrunk first, and keep how much of them is seen. An object that
+would get too many triangles has coarser outlines.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +17,20 @@ from numpy.typing import NDArray
 from .polygons import fans, kept_corners
 
 _LONGEST = 1024  # most texels of the alpha along an edge
+_MOST_EDGES = 2**17  # between texels that are seen and texels that are not
 _BEYOND = {"clamp": 1 / 16}  # how far uvs reach beyond the picture, by its wrap; see fastibl.uv_borders
 _NEAR = 2e-3
-_SQUARES = 8  # along an edge of the picture, that outlines are cut into
-_FINEST, _COARSEST = 0.25, 64.0  # by how many texels the outline may be off
-_MOST_PIECES = 2**18  # of all triangles together
-_AT_ONCE = 2**21  # pairs of triangles
+# By how many texels outlines may be off, and how many squares along an edge of the picture they are then cut into: in
+# one piece, slivers across a leaf would be shaded in streaks, and take rays twice as long.
+_SQUARES = {0.05: 8, 0.25: 8, 0.5: 8, 1.0: 4, 2.0: 2, 4.0: 1}
+_MOST_OFF = 0.05  # of the area that is seen
+_MOST_PIECES = 2**18  # of all triangles of an object
+_FLAT = 1e-12  # twice the area in uv of triangles that have none
+_AT_ONCE = 2**19  # pairs of triangles
+
+
+class TooManyPieces(ValueError):
+    """What outlines leave of an object has too many triangles."""
 
 
 class Outline:
@@ -29,43 +38,80 @@ class Outline:
 
     def __init__(self, alpha: NDArray, cutoff: float, wraps: tuple[str, str]):
         """alpha: (h, w), rows from the top. wraps: how it goes on, along u and v."""
-        self._alpha, self._cutoff, self._wraps = _shrunk(alpha), cutoff, wraps
-        self._made: dict[float, NDArray[np.float64]] = {}
+        self._alpha, self._cutoff = _shrunk(np.asarray(alpha, np.float32), cutoff)
+        self._wraps = wraps
+        self._made: dict[float, tuple[NDArray[np.float64], float]] = {}
 
     def within(self, tolerance: float) -> NDArray[np.float64]:
-        """Triangles (n, 3, 2) in uv (v upwards), counter-clockwise. tolerance: in texels, of at most 1024 along an
-        edge."""
-        if tolerance not in self._made:
-            self._made[tolerance] = _triangles(self._alpha, self._cutoff, self._wraps, tolerance)
-        return self._made[tolerance]
+        """Triangles (n, 3, 2) in uv (v upwards), counter-clockwise; less than `tolerance` off where they would cover
+        more or less than is seen, as of thin strands. tolerance: a key of `_SQUARES`."""
+        for own in sorted((t for t in _SQUARES if t <= tolerance), reverse=True):
+            if own not in self._made:
+                self._made[own] = _triangles(self._alpha, self._cutoff, self._wraps, own)
+            triangles, area = self._made[own]
+            if abs(_twice_areas(triangles).sum() / 2 - area) <= _MOST_OFF * area:
+                break
+        return triangles
+
+    def shows(self, uvs: NDArray) -> NDArray[np.bool_]:
+        """Whether there is a surface at places (n, 2) within the picture."""
+        h, w = self._alpha.shape
+        x, y = np.clip(uvs[:, 0] * w, 0, w - 1).astype(int), np.clip((1 - uvs[:, 1]) * h, 0, h - 1).astype(int)
+        return np.asarray(self._alpha[y, x] >= self._cutoff)
 
 
-def cut_out(
-    uvs: NDArray, values: NDArray, triangles: NDArray, outline: Outline
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], float]:
-    """The parts of triangles that lie within an outline.
+class Cut(NamedTuple):
+    """Triangles that are to be cut. uvs: (n, 2), v upwards, within the picture or just beyond, as of
+    fastibl.uv_borders.single_copies. values: (n, k) what vertices carry besides. triangles: (m, 3)."""
 
-    uvs: (n, 2), v upwards, within the picture or just beyond, as of fastibl.uv_borders.single_copies. values: (n, k)
-    what vertices carry besides. triangles: (m, 3). Returns uvs, values, triangles, and by how many texels the outline
-    may be off. Raises ValueError where that takes too many triangles.
+    uvs: NDArray
+    values: NDArray
+    triangles: NDArray
+    outline: Outline
+
+
+def cut_out(cuts: list[Cut]) -> tuple[list[tuple[NDArray, NDArray, NDArray]], float]:
+    """The parts of an object's triangles that lie within their outlines: uvs, values and triangles of each.
+
+    Also returns by how many texels outlines may be off. Raises TooManyPieces.
     """
-    corners = np.asarray(uvs, np.float64)[triangles]
-    tolerance = _FINEST
-    while tolerance <= _COARSEST:
-        shown = outline.within(tolerance)
-        pairs = _meeting(corners, shown, _MOST_PIECES)
+    tried: list[NDArray] = []
+    for tolerance in list(_SQUARES)[1:]:
+        outlines = [cut.outline.within(tolerance) for cut in cuts]
+        if tried and all(a is b for a, b in zip(tried, outlines, strict=True)):
+            continue
+        tried, pairs = outlines, _all_pairs(cuts, tolerance)
         if pairs is not None:
-            break
-        tolerance *= 2
-    else:
-        raise ValueError(f"what its alpha leaves has an outline of more than {_MOST_PIECES} triangles")
+            return [_applied(cut, own, tolerance) for cut, own in zip(cuts, pairs, strict=True)], tolerance
+    raise TooManyPieces(f"its outlines have more than {_MOST_PIECES} triangles")
+
+
+def _all_pairs(cuts: list[Cut], tolerance: float) -> list[NDArray] | None:
+    """For each cut its triangles' pairs with those of the outline; None for too many."""
+    out, left = [], _MOST_PIECES
+    for cut in cuts:
+        pairs = _meeting(np.asarray(cut.uvs, np.float64)[cut.triangles], cut.outline.within(tolerance), left)
+        if pairs is None:
+            return None
+        out.append(pairs)
+        left -= len(pairs)
+    return out
+
+
+def _applied(cut: Cut, pairs: NDArray, tolerance: float) -> tuple[NDArray, NDArray, NDArray]:
+    corners, shown = np.asarray(cut.uvs, np.float64)[cut.triangles], cut.outline.within(tolerance)
     which, weights = _pieces(corners, shown, pairs)
-    vertices = np.hstack([uvs, values]).astype(np.float64)
-    made = np.einsum("pkc,pci->pki", weights, vertices[triangles[which]])
-    one, names = _same(made.reshape(-1, made.shape[2]), vertices)
-    triangles = fans(names.reshape(made.shape[:2]))
-    made = made.reshape(-1, made.shape[2])[one]
-    return made[:, :2], made[:, 2:], triangles, tolerance
+    # What shows one place or a line of the picture is there or not.
+    flat = np.flatnonzero(np.abs(_twice_areas(corners)) <= _FLAT)
+    flat = flat[cut.outline.shows(corners[flat].mean(axis=1))]
+    whole = np.eye(3)[np.minimum(np.arange(weights.shape[1]), 2)]
+    which = np.concatenate([which, flat])
+    weights = np.concatenate([weights, np.broadcast_to(whole, (len(flat), *whole.shape))])
+    vertices = np.hstack([cut.uvs, cut.values]).astype(np.float64)
+    made = np.einsum("pkc,pci->pki", weights, vertices[cut.triangles[which]])
+    rows = made.reshape(len(made) * made.shape[1], -1 if made.size else vertices.shape[1])
+    one, names = _same(rows, vertices)
+    return rows[one, :2], rows[one, 2:], fans(names.reshape(made.shape[:2]))
 
 
 def grown(picture: NDArray, seen: NDArray) -> NDArray:
@@ -89,7 +135,10 @@ def grown(picture: NDArray, seen: NDArray) -> NDArray:
     return below if picture.dtype.kind == "f" else np.rint(below).astype(picture.dtype)
 
 
-def _triangles(alpha: NDArray, cutoff: float, wraps: tuple[str, str], tolerance: float) -> NDArray[np.float64]:
+def _triangles(
+    alpha: NDArray, cutoff: float, wraps: tuple[str, str], tolerance: float
+) -> tuple[NDArray[np.float64], float]:
+    """Triangles of an outline, and the area of what they stand for."""
     import contourpy
     import mapbox_earcut
 
@@ -97,18 +146,18 @@ def _triangles(alpha: NDArray, cutoff: float, wraps: tuple[str, str], tolerance:
     x, values = _extended(values, 1, wraps[0])
     y, values = _extended(values, 0, wraps[1])
     size = np.array([alpha.shape[1], alpha.shape[0]])
-    # In squares, so that triangles are no slivers that lie across all of it.
-    steps = [max(-(-len(places) // _SQUARES), 1) for places in (x, y)]
+    steps = [max(-(-len(places) // _SQUARES[tolerance]), 1) for places in (x, y)]
     borders = [np.append(places[::step], places[-1]) for places, step in zip((x, y), steps, strict=True)]
     # Between the codes of 16 bits, so that what equals the cutoff is seen.
     lines = contourpy.contour_generator(
         x, y, values, fill_type="ChunkCombinedOffsetOffset", chunk_size=(steps[1], steps[0])
     )
-    triangles = [np.zeros((0, 3, 2))]
+    triangles, area = [np.zeros((0, 3, 2))], 0.0
     for points, ends, firsts in zip(*lines.filled(cutoff - 1e-6, 1e9), strict=True):
         if points is None:
             continue
         rings = [points[a : b - 1] for a, b in pairwise(ends)]  # the last corner is the first
+        area += sum(_area(ring) for ring in rings)
         rings = [_simplified(ring, size, tolerance, borders) for ring in rings]
         for first, end in pairwise(firsts):
             polygon = [ring for ring in rings[first:end] if len(ring) > 2]
@@ -119,18 +168,34 @@ def _triangles(alpha: NDArray, cutoff: float, wraps: tuple[str, str], tolerance:
     out = np.concatenate(triangles)
     areas = _twice_areas(out)
     out[areas < 0] = out[areas < 0, ::-1]
-    return out[np.abs(areas) > 1e-12]
+    return out[np.abs(areas) > _FLAT], area
 
 
-def _shrunk(alpha: NDArray) -> NDArray[np.float32]:
-    """An alpha (h, w) of no more texels than outlines are made of."""
+def _area(ring: NDArray) -> float:
+    """Of a closed line (n, 2), negative around a hole."""
+    x, y = ring.T
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
+
+
+def _shrunk(alpha: NDArray[np.float32], cutoff: float) -> tuple[NDArray[np.float32], float]:
+    """An alpha (h, w) of no more texels and edges than outlines are made of, and the cutoff at which as much of it is
+    seen: thin strands would be lost at the same."""
     import cv2
 
-    scale = _LONGEST / max(alpha.shape)
-    if scale >= 1:
-        return np.asarray(alpha, np.float32)
-    size = max(round(alpha.shape[1] * scale), 1), max(round(alpha.shape[0] * scale), 1)
-    return cv2.resize(np.asarray(alpha, np.float32), size, interpolation=cv2.INTER_AREA)
+    seen = float((alpha >= cutoff).mean())
+    scale = min(_LONGEST / max(alpha.shape), 1.0)
+    small, own = alpha, cutoff
+    while True:
+        if scale < 1:
+            size = max(round(alpha.shape[1] * scale), 1), max(round(alpha.shape[0] * scale), 1)
+            small = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA).reshape(size[::-1])
+            fine = cv2.resize(small, (4 * size[0], 4 * size[1]), interpolation=cv2.INTER_LINEAR)
+            own = max(float(np.quantile(fine, 1 - seen)), 1e-3) if 0 < seen < 1 else cutoff
+        inside = small >= own
+        edges = (inside[1:] != inside[:-1]).sum() + (inside[:, 1:] != inside[:, :-1]).sum()
+        if edges <= _MOST_EDGES or max(small.shape) < 64:
+            return small, own
+        scale *= 0.5
 
 
 def _extended(values: NDArray, axis: int, wrap: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -180,12 +245,15 @@ def _meeting(corners: NDArray, shown: NDArray, most: int) -> NDArray[np.int64] |
     """Pairs (p, 2) of triangles of both sets (m, 3, 2), (n, 3, 2) that overlap; None for more than `most`."""
     found: list[NDArray[Any]] = [np.zeros((0, 2), np.int64)]
     count = 0
+    if len(shown) == 0:
+        return found[0]
     step = max(_AT_ONCE // max(len(shown), 1), 1)
     low, high = shown.min(axis=1), shown.max(axis=1)
     for start in range(0, len(corners), step):
         own = corners[start : start + step]
         near = (own.min(axis=1)[:, None] < high).all(axis=2) & (own.max(axis=1)[:, None] > low).all(axis=2)
         pairs = np.argwhere(near) + [start, 0]
+        pairs = pairs[np.abs(_twice_areas(corners[pairs[:, 0]])) > _FLAT]
         a, b = corners[pairs[:, 0]], shown[pairs[:, 1]]
         pairs = pairs[~(_apart(a, b) | _apart(b, a))]
         found.append(pairs)
@@ -198,7 +266,7 @@ def _meeting(corners: NDArray, shown: NDArray, most: int) -> NDArray[np.int64] |
 def _apart(a: NDArray, b: NDArray) -> NDArray[np.bool_]:
     """Whether triangles (p, 3, 2) lie beyond an edge of others."""
     turn = np.sign(_twice_areas(a))[:, None, None]
-    beyond: NDArray[np.bool_] = np.all(_beyond(a, b) * turn <= 1e-12, axis=2)
+    beyond: NDArray[np.bool_] = np.all(_beyond(a, b) * turn <= _FLAT, axis=2)
     return np.asarray(beyond.any(axis=1))
 
 
@@ -221,12 +289,12 @@ def _pieces(corners: NDArray, shown: NDArray, pairs: NDArray) -> tuple[NDArray[n
         crossed = sides * following < 0
         way = np.where(crossed, sides / np.where(crossed, sides - following, 1), 0)[..., None]
         cut = weights + way * (np.roll(weights, -1, axis=1) - weights)
-        around = np.stack([weights, cut], axis=2).reshape(len(pairs), -1, 3)
-        kept = np.stack([sides >= 0, crossed], axis=2).reshape(len(pairs), -1)
+        around = np.stack([weights, cut], axis=2).reshape(len(pairs), 2 * weights.shape[1], 3)
+        kept = np.stack([sides >= 0, crossed], axis=2).reshape(around.shape[:2])
         weights = np.take_along_axis(around, kept_corners(kept)[..., None], axis=1)
         keep = kept.sum(axis=1) > 2
         weights, whole, by, pairs = weights[keep], whole[keep], by[keep], pairs[keep]
-    return pairs[:, 0], weights
+    return pairs[:, 0], weights if len(weights) else np.zeros((0, 3, 3))
 
 
 def _same(made: NDArray, given: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, Response
 from .atlas import packed
-from .cutouts import Outline, cut_out, grown
+from .cutouts import Cut, Outline, TooManyPieces, cut_out, grown
+from .expected import present
 from .file_limits import MOST_PIXELS
 from .picture_headers import jpeg_size, png_size
 from .pictures import decode_alpha, decode_picture, unit
@@ -22,6 +23,7 @@ from .uv_borders import single_copies
 _FINE = 0.5  # texels: outlines that are off by more are told
 _CLEAR, _SOLID = 0.1, 0.9  # alphas: what is blended has few texels between them if it is meant as an outline
 _MOST_BETWEEN = 0.1  # of the texels
+_MOST_WITHIN = 0.005  # of the texels: those of which all within two texels are between them, as in a pane of glass
 
 
 class Pictures:
@@ -103,6 +105,7 @@ class Cutout:
     wrap: tuple[str, str] = ("repeat", "repeat")
     lie: Lie = Lie()
     _outlines: dict[tuple[int, int], Outline] = field(default_factory=dict, compare=False, repr=False)
+    _filled: dict[Any, NDArray] = field(default_factory=dict, compare=False, repr=False)  # pictures by their source
 
     def outline(self, copies: tuple[int, int]) -> Outline:
         """Of so many copies from border to border: 2 where the mirror image lies beside the picture."""
@@ -121,15 +124,23 @@ class Cutout:
 
     @property
     def is_outline(self) -> bool:
-        """Whether a picture that is blended is meant as an outline: little of it shines through."""
-        return bool(((self.alpha > _CLEAR) & (self.alpha < _SOLID)).mean() <= _MOST_BETWEEN)
+        """Whether a picture that is blended is meant as an outline: little of it shines through, and something of it is
+        solid."""
+        import cv2
+
+        between = ((self.alpha > _CLEAR) & (self.alpha < _SOLID)).astype(np.uint8)
+        within = cv2.erode(between, np.ones((5, 5), np.uint8))
+        few = between.mean() <= _MOST_BETWEEN and within.mean() <= _MOST_WITHIN
+        return bool(few and (self.alpha >= _SOLID).any())
 
     def filled(self, texture: Texture) -> Texture:
         """A texture that lies as the cutout does, with colours that go on where nothing is seen."""
         if (texture.picture.shape[:2], texture.lie) != (self.alpha.shape, self.lie):
             return texture
-        picture = grown(texture.picture, self.alpha >= self.cutoff)
-        return replace(texture, source=(texture.source, self.source, self.cutoff), picture=picture)
+        if texture.source not in self._filled:
+            self._filled[texture.source] = grown(texture.picture, self.alpha >= self.cutoff)
+        source = texture.source, self.source, self.cutoff
+        return replace(texture, source=source, picture=self._filled[texture.source])
 
 
 @dataclass(frozen=True)
@@ -227,16 +238,6 @@ class Part:
         self._carry(values)
         return uvs
 
-    def cut_out(self, cutout: Cutout) -> float:
-        """Cuts away what the cutout does not show; returns by how many texels the outline may be off."""
-        copies = copies_of(cutout.wrap, [self])
-        self.uvs = self.cut(cutout.wrap, copies) * copies
-        outline = cutout.outline(copies)
-        uvs, values, self.triangles, off = cut_out(self.uvs / copies, self._carried(), self.triangles, outline)
-        self.uvs = uvs * copies
-        self._carry(values)
-        return off
-
     def _carried(self) -> NDArray:
         """(n, k): what vertices have besides uvs."""
         self.normals = _unit(self.normals)
@@ -265,25 +266,42 @@ def cut_away(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[list[Part
 
     Raises ValueError where nothing is left.
     """
-    left_out: set[str] = set()
-    for part in parts:
-        cutout = surfaces[part.material].cutout
-        if cutout is None:
-            continue
-        if not (cutout.alpha >= cutout.cutoff).any():
-            part.triangles = part.triangles[:0]
-            continue
-        try:
-            off = part.cut_out(cutout)
-        except ValueError as error:
-            left_out.add(f"transparency ({error})")
-            continue
-        if off > _FINE:
-            left_out.add(f"detail of outlines below {off:g} texels")
-    parts = [part for part in parts if len(part.triangles)]
-    if not parts:
+    shown = [part for part in parts if (c := surfaces[part.material].cutout) is None or (c.alpha >= c.cutoff).any()]
+    if not shown:
         raise ValueError("all of it is transparent")
-    return parts, left_out
+    cut = [part for part in shown if surfaces[part.material].cutout is not None]
+    whole, left_out = [replace(part) for part in cut], set[str]()
+    try:
+        _cut_out(cut, surfaces, left_out)
+    except TooManyPieces as error:
+        left_out.add(f"transparency ({error}; simpler pictures or fewer copies have fewer)")
+        for part, before in zip(cut, whole, strict=True):
+            vars(part).update(vars(before))
+    shown = [part for part in shown if len(part.triangles)]
+    if not shown:
+        raise ValueError("all of it is transparent")
+    return shown, left_out
+
+
+def _cut_out(parts: list[Part], surfaces: dict[int, Surface], left_out: set[str]) -> None:
+    cuts, copies = [], []
+    for part in parts:
+        cutout = present(surfaces[part.material].cutout)
+        copies.append(copies_of(cutout.wrap, [part]))
+        try:
+            uvs = part.cut(cutout.wrap, copies[-1])
+        except ValueError as error:
+            if part.uvs is None:
+                raise
+            raise TooManyPieces(str(error)) from None
+        part.uvs = uvs * copies[-1]
+        cuts.append(Cut(uvs, part._carried(), part.triangles, cutout.outline(copies[-1])))
+    done, off = cut_out(cuts)
+    if off > _FINE and cuts:
+        left_out.add(f"detail of outlines below {off:g} texels")
+    for part, (uvs, values, triangles), factor in zip(parts, done, copies, strict=True):
+        part.uvs, part.triangles = uvs * factor, triangles
+        part._carry(values)
 
 
 def _unit(normals: NDArray) -> NDArray:
