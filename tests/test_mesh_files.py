@@ -603,6 +603,47 @@ def test_tangents_that_differ_are_said(name, tmp_path):
         fastibl.read_mesh(path)
 
 
+def test_vertices_that_no_triangle_names(tmp_path):
+    """Primitives may share a buffer of which each shows a part."""
+    file = Gltf()
+    corners = np.concatenate([POINTS, POINTS - [0, 0, 50]]).astype("<f4")
+    places = file.add(corners)
+    index = np.uint16([0, 1, 2, 2, 1, 3])
+    parts = [{"attributes": {"POSITION": places, "NORMAL": file.add(np.tile(np.float32([0, 0, 1]), (12, 1)))},
+              "indices": file.add(index)}]  # fmt: skip
+    mesh, _ = fastibl.read_object(file.write(tmp_path / "a.gltf", parts), up="z")
+    assert len(mesh.vertices) == 4 and np.ptp(mesh.vertices[:, 2]) == 0
+    np.testing.assert_array_equal(mesh.vertices[mesh.triangles], corners[index.reshape(-1, 3)])
+
+
+@pytest.mark.parametrize("void", [0.0, np.nan])
+def test_normals_that_are_none(void, tmp_path):
+    """Are those of the triangles, with nothing said of divisions."""
+    file = Gltf()
+    normals = np.tile(np.float32([0, 0.6, 0.8]), (6, 1))
+    normals[::2] = void
+    part = {"attributes": {"POSITION": file.add(POINTS), "NORMAL": file.add(normals)},
+            "indices": file.add(np.uint16([0, 1, 2, 2, 1, 3, 2, 3, 4, 4, 3, 5]))}  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mesh, _ = fastibl.read_object(file.write(tmp_path / "a.gltf", [part]), up="z")
+    np.testing.assert_allclose(mesh.normals[::2], np.tile([0, 0, 1], (3, 1)), atol=1e-6)
+    np.testing.assert_allclose(mesh.normals[1::2], normals[1::2], atol=1e-6)
+
+
+def test_extensions_that_may_be_left_out(tmp_path):
+    """One that a file requires is, with the material's name; one that changes nothing is not said."""
+    unlit = textured(tmp_path, TWICE, extensions={"KHR_materials_unlit": {}}, name="Sky")
+    unlit.write_text(unlit.read_text().replace('"asset"', '"extensionsRequired": ["KHR_materials_unlit"], "asset"'))
+    with pytest.warns(UserWarning, match=r"left out are KHR_materials_unlit \(of Sky\)"):
+        fastibl.read_object(unlit)
+    none = {"KHR_materials_clearcoat": {"clearcoatRoughnessFactor": 0.5}, "KHR_materials_transmission": {},
+            "KHR_materials_sheen": {"sheenColorFactor": [0, 0, 0]}}  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fastibl.read_object(textured(tmp_path, TWICE, extensions=none))
+
+
 def test_what_is_left_out_is_said(tmp_path):
     clear = {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}, "alphaMode": "BLEND"}
     clear["pbrMetallicRoughness"] = {"baseColorFactor": [1, 1, 1, 0.5]}

@@ -146,12 +146,72 @@ def test_strangers_files_stay_in_their_folder(tmp_path):
     inside.mkdir()
     for mtl, name in ((None, "../a.mtl"), ("newmtl a\nmap_Kd ../secret.png\n", "a.mtl")):
         path = written(inside, mtl, "usemtl a\n" + QUAD, name)
-        same_error(lambda path=path: fastibl.read_object(path), ValueError, "a.obj", "outside of its folder")
+        (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+        with pytest.warns(UserWarning, match=r"left out are .*\.\./.* \(not there\)"):
+            _, material = fastibl.read_object(path)
+        assert np.ndim(getattr(material, "base_color", None) or 0) < 2 and material != fastibl.Material.pbr(
+            (1, 0, 0), 0, 1
+        )
     path = written(inside, "newmtl a\nmap_Kd a.mtl\n", "usemtl a\n" + QUAD)
     same_error(lambda: fastibl.read_object(path), ValueError, "a.obj", "neither PNG nor JPEG")
     path = written(inside, "newmtl a\nKd spectral x.rfl\nNs none\nPr\nmap_Pr -s\nKe 1e999 nan 1\n", "usemtl a\n" + QUAD)
     with pytest.warns(UserWarning, match="left out"):
         assert fastibl.read_object(path)[1].base_color == pytest.approx((0.8,) * 3)
+
+
+@pytest.mark.parametrize(
+    "named", ["../wood.png", "/home/bob/wood.png", r"C:\Users\bob\wood.png", "WOOD.PNG", "Maps/wood.png"]
+)
+def test_files_of_other_machines_are_those_beside_it(named, tmp_path):
+    folder = tmp_path / "maps" if named.startswith("Maps") else tmp_path
+    rgb = picture(folder / "wood.png")
+    _, material = read(written(tmp_path, f"newmtl a\nmap_Kd {named}\n", "usemtl a\n" + QUAD))
+    np.testing.assert_allclose(
+        material.base_color, fastibl.Response.srgb().decode(rgb.astype(np.float32) / 255), atol=1e-6
+    )
+
+
+def test_names_with_accents_in_either_coding(tmp_path):
+    picture(tmp_path / "ta\u0308x.png")
+    assert read(written(tmp_path, "newmtl a\nmap_Kd t\u00e4x.png\n", "usemtl a\n" + QUAD))[1].base_color.shape == (
+        8,
+        8,
+        3,
+    )
+
+
+def test_pictures_without_their_factors(tmp_path):
+    """Exporters leave out Kd beside map_Kd and Ks beside map_Ks: 1 is meant."""
+    rgb = picture(tmp_path / "a.png")
+    _, material = read(written(tmp_path, "newmtl a\nmap_Kd a.png\n", "usemtl a\n" + QUAD))
+    np.testing.assert_allclose(
+        material.base_color, fastibl.Response.srgb().decode(rgb.astype(np.float32) / 255), atol=1e-6
+    )
+    with pytest.warns(UserWarning, match="left out are highlights of a colour"):
+        material = fastibl.read_object(written(tmp_path, "newmtl a\nNs 98\nmap_Ks a.png\n", "usemtl a\n" + QUAD))[1]
+    assert material.roughness == pytest.approx(0.02**0.25)
+
+
+def test_what_blender_means(tmp_path):
+    """Ns is 1000 (1 - roughness)^2, map_Bump a normal map."""
+    picture(tmp_path / "n.png")
+    lines = "newmtl a\nNs 250\nKs 0.5 0.5 0.5\nillum 2\nmap_Bump -bm 1.0 n.png\n"
+    _, material = read(
+        written(tmp_path, "# Blender 4.2.1 MTL File: 'a.blend'\n# www.blender.org\n\n" + lines, "usemtl a\n" + QUAD)
+    )
+    assert material.roughness == pytest.approx(0.5) and material.normal.shape == (8, 8, 3)
+    with pytest.warns(UserWarning, match="left out are bumps"):
+        material = fastibl.read_object(written(tmp_path, lines, "usemtl a\n" + QUAD))[1]
+    assert material.roughness == pytest.approx((2 / 252) ** 0.25) and material.normal is None
+
+
+def test_layers_and_other_pictures_are_said(tmp_path):
+    with pytest.warns(UserWarning, match="left out are") as told:
+        fastibl.read_object(
+            written(tmp_path, "newmtl a\nPc 1\nPs 0\nmap_Ps s.png\nmap_refl r.png\n", "usemtl a\n" + QUAD)
+        )
+    text = str(told[0].message)
+    assert all(word in text for word in ("clear coat", "map_ps", "reflection maps")) and "sheen" not in text
 
 
 def test_edges_stay_as_they_are(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import Path
 
 MOST_BYTES = 2**31  # largest size of a file
@@ -17,6 +18,10 @@ def file_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
+class OutsideFolder(ValueError):
+    """A file names another one that does not lie in its folder."""
+
+
 class FolderFiles:
     """What a file names beside itself: of its own folder, and no more than `MOST_BYTES` with it."""
 
@@ -24,10 +29,15 @@ class FolderFiles:
         self._folder, self._read = path.parent.resolve(), size
 
     def bytes(self, name: str) -> bytes:
-        """Raises ValueError for a name that leaves the folder, and for more than that; FileNotFoundError."""
+        """Where no file has the name, one whose name differs in case alone, or in how its accents are coded, is meant.
+
+        Raises OutsideFolder for a name that leaves the folder, ValueError for more than that; FileNotFoundError.
+        """
         file = (self._folder / name).resolve()
+        if file.is_relative_to(self._folder) and not file.is_file():
+            file = self._alike(file.relative_to(self._folder)).resolve()
         if not file.is_relative_to(self._folder):
-            raise ValueError(f"it names {name}, which is outside of its folder")
+            raise OutsideFolder(f"it names {name}, which is outside of its folder")
         if not file.is_file():
             raise FileNotFoundError(f"it names {name}, which is not there")
         data = file_bytes(file)
@@ -35,6 +45,17 @@ class FolderFiles:
         if self._read > MOST_BYTES:
             raise ValueError(f"its files have more than {MOST_BYTES} bytes together")
         return data
+
+    def _alike(self, name: Path) -> Path:
+        def plain(text: str) -> str:
+            return unicodedata.normalize("NFC", text).casefold()
+
+        path = self._folder
+        for part in name.parts:
+            if not (path / part).exists() and path.is_dir():
+                part = min((p.name for p in path.iterdir() if plain(p.name) == plain(part)), default=part)
+            path = path / part
+        return path
 
 
 def text_of(path: Path, most: int) -> str:

@@ -15,6 +15,7 @@ textures lie in different ways on its mesh.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,14 @@ _KNOWN = {
     "EXT_mesh_gpu_instancing", "KHR_materials_anisotropy", "KHR_materials_emissive_strength", "KHR_materials_ior",
     "KHR_materials_specular", "KHR_mesh_quantization", "KHR_texture_transform",
 }  # fmt: skip
+_EFFECTS = {  # what is 0, by default, where an extension changes nothing
+    f"KHR_materials_{name}": factor
+    for name, factor in {
+        "clearcoat": "clearcoatFactor", "sheen": "sheenColorFactor", "transmission": "transmissionFactor",
+        "iridescence": "iridescenceFactor", "volume": "thicknessFactor", "dispersion": "dispersion",
+        "diffuse_transmission": "diffuseTransmissionFactor",
+    }.items()
+}  # fmt: skip
 _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _OF_MESHES = {"morphs", "instances of a skin"}  # parts of meshes that are left out
@@ -42,14 +51,28 @@ class _File(Container):
     def __init__(self, path: Path, with_tangents: bool = False):
         super().__init__(path)
         self.with_tangents = with_tangents
-        unknown = set(self.json.get("extensionsRequired", ())) - _KNOWN
+        required = set(self.json.get("extensionsRequired", ())) - _KNOWN
+        unknown = {name for name in required if not name.startswith("KHR_materials_")}  # those are left out
         if unknown:
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
         self.vertices = self.triangles = self.instances = 0
         self._decoder, self.pictures, self._alphas = Pictures(), dict[int, NDArray](), dict[int, NDArray | None]()
         self._faint = set[int]()  # materials of vertices whose colours have an alpha below 1
-        self.left_out: set[str] = set()
+        self._left_out: dict[str, list[str]] = {}  # with the names of materials
+
+    def _leave(self, what: str, material: dict[str, Any] | None = None) -> None:
+        names = self._left_out.setdefault(what, [])
+        if material is not None and "name" in material and str(material["name"]) not in names:
+            names.append(str(material["name"]))
+
+    def left_out(self, of: Iterable[str] | None = None) -> list[str]:
+        """What is left out, in words; of: of these things."""
+        return [
+            what + (f" (of {', '.join(names[:3])}{', ...' if len(names) > 3 else ''})" if names else "")
+            for what, names in sorted(self._left_out.items())
+            if of is None or what in of
+        ]
 
     def _view(self, index: int) -> tuple[bytes, int, int, int | None]:
         view = self.json["bufferViews"][index]
@@ -114,7 +137,7 @@ class _File(Container):
         if mode == "OPAQUE":
             return None
         if index in self._faint:
-            self.left_out.add("transparency of vertices")
+            self._leave("transparency of vertices", m)
         factor = float(m.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])[3])
         least = float(m.get("alphaCutoff", 0.5)) if mode == "MASK" else 0.5
         cutout = Cutout(-1, np.ones((1, 1), np.float32), least / max(factor, 1e-6))
@@ -124,9 +147,9 @@ class _File(Container):
             alpha = self._alphas[color.source]
             if alpha is not None:
                 cutout = Cutout(color.source, alpha, cutout.cutoff, color.wrap, color.lie)
-        if mode == "BLEND" and not (factor == 1 and cutout.is_outline):
+        if mode == "BLEND" and not (factor > 0.99 and cutout.is_outline):
             if (factor * cutout.alpha < 1).any():
-                self.left_out.add("transparency")
+                self._leave("transparency", m)
             return None
         return None if cutout.shows_all else cutout
 
@@ -138,7 +161,10 @@ class _File(Container):
         extensions = m.get("extensions", {})
         if _OTHER_MODEL in extensions:
             raise ValueError(f"its materials are of {_OTHER_MODEL}, not of metal and roughness")
-        self.left_out |= {name for name in extensions if name.startswith("KHR_materials_")} - _KNOWN
+        for name in extensions.keys() - _KNOWN:
+            changes = np.any(extensions[name].get(_EFFECTS[name], 0)) if name in _EFFECTS else True
+            if name.startswith("KHR_materials_") and changes:
+                self._leave(name, m)
         look: dict[str, Any] = {}
         factor: Any
         factor = look["base_color"] = _colour(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
@@ -163,7 +189,7 @@ class _File(Container):
             raise ValueError("it has a texture of anisotropy")
         specular = extensions.get("KHR_materials_specular", {})
         if {"specularTexture", "specularColorTexture"} & specular.keys():
-            self.left_out.add("textures of KHR_materials_specular")
+            self._leave("textures of KHR_materials_specular", m)
         look["specular"] = float(specular.get("specularFactor", 1))
         look["specular_color"] = _colour(specular.get("specularColorFactor", [1, 1, 1]))
         look["ior"] = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
@@ -203,7 +229,7 @@ class _File(Container):
         if not names:
             return np.eye(4)[None]
         if "skin" in node:
-            self.left_out.add("instances of a skin")
+            self._leave("instances of a skin")
             return np.eye(4)[None]
         accessors = {name: extension["attributes"][name] for name in names}
         counts = {self.json["accessors"][a]["count"] for a in accessors.values()}
@@ -232,9 +258,6 @@ class _File(Container):
         if not {"JOINTS_0", "WEIGHTS_0"} <= attributes.keys():
             joints = None
         count = len(instances) if joints is None else 1
-        self.vertices += count * len(vertices)
-        if self.vertices > MOST_VERTICES:
-            raise ValueError(f"it has more than {MOST_VERTICES} vertices")
         index = self.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(vertices))
         triangles = _triangles(index.astype(np.int64), primitive.get("mode", 4))
         self.triangles += count * len(triangles)
@@ -244,8 +267,13 @@ class _File(Container):
             return []
         if triangles.min() < 0 or triangles.max() >= len(vertices):
             raise ValueError(f"a triangle names vertex {triangles.max()} of {len(vertices)}")
+        used, named = np.unique(triangles, return_inverse=True)
+        triangles = named.reshape(-1, 3)  # primitives may share a buffer, of which each names a part
+        self.vertices += count * len(used)
+        if self.vertices > MOST_VERTICES:
+            raise ValueError(f"it has more than {MOST_VERTICES} vertices")
         if "targets" in primitive:
-            self.left_out.add("morphs")
+            self._leave("morphs")
         normals = self._attribute(attributes["NORMAL"], 3, len(vertices)) if "NORMAL" in attributes else None
         names = {k: f"TEXCOORD_{k}" for k in range(4)}
         sets = {k: self._attribute(attributes[n], 2, len(vertices)) for k, n in names.items() if n in attributes}
@@ -255,14 +283,17 @@ class _File(Container):
             colors = self._colors(attributes["COLOR_0"], len(vertices))
             self._faint |= {material} if (colors[:, 3:] < 1).any() else set()
             colors = colors[:, :3]
-        placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None]
+        placing = instances[:, None] if joints is None else self._blended(attributes, joints)[None, used]
         linear = placing[..., :3, :3]
         tangents = None
         if self.with_tangents and normals is not None and "TANGENT" in attributes:  # without normals they are void
-            given = self._attribute(attributes["TANGENT"], 4, len(vertices))
+            given = self._attribute(attributes["TANGENT"], 4, len(vertices))[used]
             sides = np.broadcast_to(given[:, 3] * np.sign(np.linalg.det(linear)), (count, len(given)))
             along = np.einsum("...ij,...j->...i", linear, given[:, :3])
             tangents = np.concatenate([along, sides[..., None]], axis=-1).reshape(-1, 4)
+        vertices = vertices[used]
+        normals = None if normals is None else normals[used]
+        sets, colors = {k: uvs[used] for k, uvs in sets.items()}, None if colors is None else colors[used]
         mirrors = np.linalg.det(linear).mean(axis=1) < 0
         placed = (np.einsum("...ij,...j->...i", linear, vertices) + placing[..., :3, 3]).reshape(-1, 3)
         sets = {k: np.tile(uvs, (count, 1)) for k, uvs in sets.items()}
@@ -351,9 +382,9 @@ def _turned_tangents(parts: list[Part], surfaces: dict[int, Surface], mesh: Mesh
     return float(np.concatenate(off).mean()) if sum(map(len, off)) else 0.0
 
 
-def _warn_of(path: Path, left_out: set[str], stacklevel: int) -> None:
+def _warn_of(path: Path, left_out: list[str], stacklevel: int) -> None:
     if left_out:
-        warnings.warn(f"{path}: left out are {', '.join(sorted(left_out))}", stacklevel=stacklevel)
+        warnings.warn(f"{path}: left out are {', '.join(left_out)}", stacklevel=stacklevel)
 
 
 def read_geometry(path: Path) -> Mesh:
@@ -363,7 +394,7 @@ def read_geometry(path: Path) -> Mesh:
         mesh = mesh_of(file.parts())
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
-    _warn_of(path, file.left_out & _OF_MESHES, stacklevel=5)
+    _warn_of(path, file.left_out(_OF_MESHES), stacklevel=5)
     return mesh
 
 
@@ -376,7 +407,7 @@ def read(path: Path) -> tuple[Mesh, Material]:
         for part in parts:
             part.lay(surfaces[part.material])
         parts, more = cut_away(parts, surfaces)
-        _warn_of(path, file.left_out | more, stacklevel=5)
+        _warn_of(path, file.left_out() + sorted(more), stacklevel=5)
         material = joined(path, parts, surfaces, stacklevel=4)
         mesh = mesh_of(parts)
         share = _turned_tangents(parts, surfaces, mesh)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, _read_obj, _read_obj_materials
-from .file_limits import FolderFiles, file_bytes
+from .file_limits import FolderFiles, OutsideFolder, file_bytes
 from .pictures import unit
 from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_away, joined, mesh_of
 
@@ -30,9 +30,13 @@ _ARGUMENTS = {  # number of arguments of a picture's options; where it is 3, one
 }  # fmt: skip
 _LEFT_OUT = {
     "map_bump": "bumps", "bump": "bumps", "map_ks": "highlights of a colour",
-    "map_ns": "highlights of several shapes", "disp": "displacement", "refl": "reflection maps",
+    "map_ns": "highlights of several shapes", "map_refl": "reflection maps",
+    "disp": "displacement", "refl": "reflection maps",
 }  # fmt: skip
 _OTHER_PICTURES = {".bmp", ".dds", ".exr", ".gif", ".hdr", ".psd", ".tga", ".tif", ".tiff", ".webp"}
+_READ_MAPS = {"map_kd", "map_ke", "map_pm", "map_pr", "map_d", "map_opacity", "map_ka"}  # Ka: light that is not there
+_LAYERS = {"pc": "clear coat", "ps": "sheen"}
+_BLENDER = "# blender"  # in the lines of materials that Blender wrote
 _GREY = 0.8  # of parts without a material
 _MOST_TEXT = 2**24  # bytes of a .mtl
 
@@ -104,21 +108,32 @@ class _Library:
 
     def _add(self, text: str) -> None:
         material: dict[str, list[str]] = {}
+        own: dict[str, list[str]] = {_BLENDER: []} if text.lstrip().lower().startswith(_BLENDER) else {}
         for row in text.replace("\\\n", " ").splitlines():
             kind, *rest = row.split("#")[0].split(maxsplit=1) or [""]
             if kind == "newmtl":
-                material = self.materials.setdefault("".join(rest).strip(), {})
+                material = self.materials.setdefault("".join(rest).strip(), dict(own))
             else:
                 material[kind.lower()] = "".join(rest).split()
 
     def _text(self, name: str) -> str | None:
         try:
-            data = self._files.bytes(_here(name))
+            data = self._bytes(_here(name))
         except FileNotFoundError:
             return None
         if len(data) > _MOST_TEXT:
             raise ValueError(f"{name} has {len(data)} bytes; such files of up to {_MOST_TEXT} bytes are read")
         return data.decode("utf-8-sig", "replace").replace("\r\n", "\n")
+
+    def _bytes(self, name: str) -> bytes:
+        """Of a file that lies in the folder, with the name's folders or without: files name those of other machines.
+        Raises FileNotFoundError."""
+        for own in (name, PurePosixPath(name).name):
+            try:
+                return self._files.bytes(own)
+            except (FileNotFoundError, OutsideFolder):
+                pass
+        raise FileNotFoundError(name)
 
     def surface(self, name: str) -> Surface:
         """How a material of this name looks; grey where none is defined."""
@@ -127,13 +142,17 @@ class _Library:
                 self._left_out[f"material {name} (not defined)"] = None
             return Surface(base_color=(_GREY,) * 3, metallic=0.0)
         lines = self.materials[name]
-        for kind, what in _LEFT_OUT.items():
-            if kind in lines:
+        bumps = "map_bump" if _BLENDER in lines else "norm"  # Blender writes its normal maps so
+        for kind in lines.keys() - _READ_MAPS - {bumps}:
+            if kind in _LEFT_OUT or kind.startswith("map_"):
+                self._left_out[_LEFT_OUT.get(kind, kind)] = None
+        for kind, what in _LAYERS.items():
+            if _number(lines, kind, 0.0) > 0:
                 self._left_out[what] = None
         if _number(lines, "d", 1.0) < 1 or _number(lines, "tr", 0.0) > 0:
             self._left_out["transparency"] = None
         cutout = self._cutout(lines)
-        color, emission = _colour(lines, "kd", _GREY), _colour(lines, "ke", 0.0)
+        color, emission = _colour(lines, "kd", 1.0 if "map_kd" in lines else _GREY), _colour(lines, "ke", 0.0)
         base_color = self._texture(lines, "map_kd", color if any(color) else (1.0,) * 3, srgb=True)
         if base_color is not None and cutout is not None:
             base_color = cutout.filled(base_color)
@@ -143,17 +162,17 @@ class _Library:
             metallic=self._texture(lines, "map_pm", 1.0, channel=0) or _share(lines, "pm", 0.0),
             roughness=self._texture(lines, "map_pr", 1.0, channel=0) or _share(lines, "pr", _roughness(lines)),
             emission=emitting or emission,
-            normal=self._texture(lines, "norm"),
+            normal=self._texture(lines, bumps),
             cutout=cutout,
         )
 
     def _cutout(self, lines: dict[str, list[str]]) -> Cutout | None:
         """What the picture of map_d leaves of a surface: its alpha, where it has one, else its grey."""
-        texture = self._texture(lines, "map_d")
+        texture = self._texture(lines, "map_d") or self._texture(lines, "map_opacity")
         if texture is None:
             return None
         name = list(self._pictures)[texture.source]
-        alpha = self._decoder.alpha(self._files.bytes(name), name)
+        alpha = self._decoder.alpha(self._bytes(name), name)
         if alpha is None or (alpha == 1).all():
             alpha = unit(texture.picture).mean(axis=-1, dtype=np.float32)
         cutout = Cutout(texture.source, alpha, 0.5, texture.wrap, texture.lie)
@@ -164,7 +183,7 @@ class _Library:
 
     def _picture(self, name: str) -> NDArray | None:
         try:
-            data = self._files.bytes(name)
+            data = self._bytes(name)
         except FileNotFoundError:
             self._left_out[f"{name} (not there)"] = None
             return None
@@ -235,6 +254,9 @@ def _pair(words: list[str], default: float) -> tuple[float, float]:
 
 
 def _roughness(lines: dict[str, list[str]]) -> float:
-    """Roughness of a GGX lobe that is about as wide as the lobe with the exponent Ns: alpha^2 = 2 / (Ns + 2)."""
-    shines = any(_colour(lines, "ks", 0.0)) and _number(lines, "illum", 2) >= 2
+    """Roughness of a GGX lobe that is about as wide as the lobe with the exponent Ns: alpha^2 = 2 / (Ns + 2); or what
+    Blender had, which writes 1000 (1 - roughness)^2."""
+    shines = any(_colour(lines, "ks", 1.0 if "map_ks" in lines else 0.0)) and _number(lines, "illum", 2) >= 2
+    if shines and _BLENDER in lines:
+        return float(1 - np.sqrt(np.clip(_number(lines, "ns", 0.0) / 1000, 0, 1)))
     return float((2 / (max(_number(lines, "ns", 0.0), 0.0) + 2)) ** 0.25) if shines else 1.0

@@ -240,7 +240,7 @@ class Part:
 
     def _carried(self) -> NDArray:
         """(n, k): what vertices have besides uvs."""
-        self.normals = _unit(self.normals)
+        self.normals = _normals_of(self)
         return np.hstack([v for name in _CARRIED if (v := getattr(self, name)) is not None])
 
     def _carry(self, values: NDArray) -> None:
@@ -304,10 +304,23 @@ def _cut_out(parts: list[Part], surfaces: dict[int, Surface], left_out: set[str]
         part._carry(values)
 
 
-def _unit(normals: NDArray) -> NDArray:
-    """0 for what has no direction, as of triangles without area: any will do."""
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(np.isfinite(lengths) & (lengths > 0), normals / lengths, 0)
+def _unit(vectors: NDArray) -> NDArray:
+    """0 for what has no direction."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return np.where(np.isfinite(lengths) & (lengths > 0), vectors / lengths, 0)
+
+
+def _normals_of(part: Part) -> NDArray:
+    """Unit normals; where a part has none that is one, those of its triangles."""
+    normals = _unit(part.normals)
+    void = ~normals.any(axis=1)
+    if void.any():
+        a, b, c = np.moveaxis(part.vertices[part.triangles], 1, 0)
+        sums = np.zeros_like(normals)
+        np.add.at(sums, part.triangles.reshape(-1), np.cross(b - a, c - a).repeat(3, axis=0))
+        normals[void] = _unit(sums[void])
+    return normals
 
 
 def alike(parts: list[Part], surfaces: dict[int, Surface]) -> dict[int, Surface]:
@@ -418,7 +431,7 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, l
 
 
 def mesh_of(parts: list[Part]) -> Mesh:
-    normals = _unit(np.concatenate([p.normals for p in parts]))
+    normals = np.concatenate([_normals_of(p) for p in parts])
     starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
     return Mesh(
         np.concatenate([p.vertices for p in parts]),
