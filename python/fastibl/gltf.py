@@ -58,6 +58,7 @@ class _File(Container):
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
         self.vertices = self.triangles = self.instances = 0
         self._decoder, self.pictures, self._alphas = Pictures(), dict[int, NDArray](), dict[int, NDArray | None]()
+        self._cutouts = dict[Cutout, Cutout]()  # those of the same picture share what is made of it
         self._faint = set[int]()  # materials of vertices whose colours have an alpha below 1
         self._left_out: dict[str, list[str]] = {}  # with the names of materials
 
@@ -151,7 +152,7 @@ class _File(Container):
             if (factor * cutout.alpha < 1).any():
                 self._leave("transparency", m)
             return None
-        return None if cutout.shows_all else cutout
+        return None if cutout.shows_all else self._cutouts.setdefault(cutout, cutout)
 
     def surface(self, index: int) -> Surface:
         if index < 0:

@@ -269,7 +269,8 @@ def cut_away(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[list[Part
     shown = [part for part in parts if (c := surfaces[part.material].cutout) is None or (c.alpha >= c.cutoff).any()]
     if not shown:
         raise ValueError("all of it is transparent")
-    cut = [part for part in shown if surfaces[part.material].cutout is not None]
+    cut = _together([part for part in shown if surfaces[part.material].cutout is not None])
+    shown = [part for part in shown if surfaces[part.material].cutout is None] + cut
     whole, left_out = [replace(part) for part in cut], set[str]()
     try:
         _cut_out(cut, surfaces, left_out)
@@ -281,6 +282,25 @@ def cut_away(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[list[Part
     if not shown:
         raise ValueError("all of it is transparent")
     return shown, left_out
+
+
+def _together(parts: list[Part]) -> list[Part]:
+    """One part of all that have the same material and carry the same: the leaves of a tree may be thousands."""
+    groups: dict[Any, list[Part]] = {}
+    for part in parts:
+        held = tuple(getattr(part, name) is None for name in ("uvs", *_CARRIED))
+        groups.setdefault((part.material, held), []).append(part)
+    out = []
+    for own in groups.values():
+        starts = np.cumsum([0, *(len(p.vertices) for p in own)])
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(p, name) for p in own])
+            for name in ("uvs", *_CARRIED)
+            if getattr(own[0], name) is not None
+        }
+        triangles = np.concatenate([p.triangles + start for p, start in zip(own, starts, strict=False)])
+        out.append(replace(own[0], triangles=triangles, sets={}, **joined))
+    return out
 
 
 def _cut_out(parts: list[Part], surfaces: dict[int, Surface], left_out: set[str]) -> None:
