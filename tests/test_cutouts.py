@@ -328,12 +328,16 @@ def test_transparency_of_vertices_is_said(tmp_path):
 
 
 def test_uvs_that_are_not_there(tmp_path):
-    """A material that is masked by a picture needs them, as each with a picture does."""
+    """A material that is masked by a picture is there or not."""
     path = write(tmp_path / "a.gltf", rgba(leaf()))
     path.write_text(path.read_text().replace('"TEXCOORD_0"', '"TEXCOORD_3"').replace('"TEXCOORD_3": 1', '"_X": 1'))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        same_error(lambda: fastibl.read_object(path), ValueError, "a.gltf", "a mesh with a texture has no uvs")
+    same_error(lambda: fastibl.read_object(path), ValueError, "a.gltf", "all of it is transparent")
+    alpha = leaf()
+    alpha[[0, 0, -1, -1], [0, -1, 0, -1]] = 1
+    path = write(tmp_path / "a.gltf", rgba(alpha))
+    path.write_text(path.read_text().replace('"TEXCOORD_0"', '"TEXCOORD_3"').replace('"TEXCOORD_3": 1', '"_X": 1'))
+    with pytest.warns(UserWarning, match="left out are textures of what has no uvs"):
+        assert len(fastibl.read_object(path)[0].triangles) == 2
 
 
 # --- .obj

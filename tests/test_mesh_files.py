@@ -631,6 +631,19 @@ def test_normals_that_are_none(void, tmp_path):
     np.testing.assert_allclose(mesh.normals[1::2], normals[1::2], atol=1e-6)
 
 
+def test_textures_that_cannot_be_shown_are_left_out(tmp_path):
+    """One whose file is not there, and those of a part without uvs, which shows their first corner."""
+    path = textured(tmp_path, TWICE, name="Wall")
+    (tmp_path / "a.png").unlink()
+    with pytest.warns(UserWarning, match=r"left out are a.png \(not there\)"):
+        assert fastibl.read_object(path)[1].base_color == (1, 1, 1)
+    path = textured(tmp_path, TWICE, name="Wall")
+    path.write_text(path.read_text().replace('"TEXCOORD_0": 1', '"_X": 1'))
+    with pytest.warns(UserWarning, match=r"left out are textures of what has no uvs \(of Wall\)"):
+        mesh, material = fastibl.read_object(path)
+    assert np.ndim(material.base_color) == 3 and (mesh.uvs == [0, 1]).all()
+
+
 def test_extensions_that_may_be_left_out(tmp_path):
     """One that a file requires is, with the material's name; one that changes nothing is not said."""
     unlit = textured(tmp_path, TWICE, extensions={"KHR_materials_unlit": {}}, name="Sky")

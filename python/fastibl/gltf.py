@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Material, Mesh
 from .file_limits import MOST_TRIANGLES, MOST_VERTICES
-from .gltf_container import DAMAGES, WIDTHS, Container, transform
+from .gltf_container import DAMAGES, WIDTHS, Container, NotThere, transform
 from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_away, joined, mesh_of
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -62,7 +62,7 @@ class _File(Container):
         self._faint = set[int]()  # materials of vertices whose colours have an alpha below 1
         self._left_out: dict[str, list[str]] = {}  # with the names of materials
 
-    def _leave(self, what: str, material: dict[str, Any] | None = None) -> None:
+    def leave(self, what: str, material: dict[str, Any] | None = None) -> None:
         names = self._left_out.setdefault(what, [])
         if material is not None and "name" in material and str(material["name"]) not in names:
             names.append(str(material["name"]))
@@ -113,8 +113,9 @@ class _File(Container):
             raise ValueError("one of its accessors reaches beyond its buffer")
         return np.ndarray((count, width), kind, buffer, offset, (step, kind.itemsize))
 
-    def texture(self, reference: dict[str, Any], factor: Any = 1.0, **reading: Any) -> Texture:
-        """The texture that a material names: its picture times `factor`. reading: other fields of Texture."""
+    def texture(self, reference: dict[str, Any], factor: Any = 1.0, **reading: Any) -> Texture | None:
+        """The texture that a material names: its picture times `factor`; None where its file is not there. reading:
+        other fields of Texture."""
         texture = self.json["textures"][reference["index"]]
         sampler = self.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
         wrap = _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
@@ -122,7 +123,11 @@ class _File(Container):
         if source is None:
             raise ValueError("a texture has no picture of a kind that glTF 2 itself knows")
         if source not in self.pictures:
-            self.pictures[source] = self._decoder.decoded(self._encoded(source), f"texture {source}")
+            try:
+                self.pictures[source] = self._decoder.decoded(self._encoded(source), f"texture {source}")
+            except NotThere:
+                self.leave(f"{self.json['images'][source]['uri']} (not there)")
+                return None
         return Texture(source, self.pictures[source], wrap, _lie_of(reference), factor=factor, **reading)
 
     def _encoded(self, source: int) -> bytes:
@@ -138,7 +143,7 @@ class _File(Container):
         if mode == "OPAQUE":
             return None
         if index in self._faint:
-            self._leave("transparency of vertices", m)
+            self.leave("transparency of vertices", m)
         factor = float(m.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])[3])
         least = float(m.get("alphaCutoff", 0.5)) if mode == "MASK" else 0.5
         cutout = Cutout(-1, np.ones((1, 1), np.float32), least / max(factor, 1e-6))
@@ -150,7 +155,7 @@ class _File(Container):
                 cutout = Cutout(color.source, alpha, cutout.cutoff, color.wrap, color.lie)
         if mode == "BLEND" and not (factor > 0.99 and cutout.is_outline):
             if (factor * cutout.alpha < 1).any():
-                self._leave("transparency", m)
+                self.leave("transparency", m)
             return None
         return None if cutout.shows_all else self._cutouts.setdefault(cutout, cutout)
 
@@ -165,23 +170,23 @@ class _File(Container):
         for name in extensions.keys() - _KNOWN:
             changes = np.any(extensions[name].get(_EFFECTS[name], 0)) if name in _EFFECTS else True
             if name.startswith("KHR_materials_") and changes:
-                self._leave(name, m)
+                self.leave(name, m)
         look: dict[str, Any] = {}
         factor: Any
         factor = look["base_color"] = _colour(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
         if "baseColorTexture" in pbr:
-            look["base_color"] = self.texture(pbr["baseColorTexture"], factor, srgb=True)
+            look["base_color"] = self.texture(pbr["baseColorTexture"], factor, srgb=True) or factor
         look["cutout"] = cutout = self._cutout(index, m, look["base_color"])
         if cutout is not None and isinstance(look["base_color"], Texture):
             look["base_color"] = cutout.filled(look["base_color"])
         for k, name in ((1, "roughness"), (2, "metallic")):
             factor = look[name] = float(pbr.get(f"{name}Factor", 1))
             if "metallicRoughnessTexture" in pbr:
-                look[name] = self.texture(pbr["metallicRoughnessTexture"], factor, channel=k)
+                look[name] = self.texture(pbr["metallicRoughnessTexture"], factor, channel=k) or factor
         strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         factor = look["emission"] = _colour(np.asarray(m.get("emissiveFactor", [0, 0, 0]), np.float32) * strength)
         if "emissiveTexture" in m and any(factor):
-            look["emission"] = self.texture(m["emissiveTexture"], factor, srgb=True)
+            look["emission"] = self.texture(m["emissiveTexture"], factor, srgb=True) or (0.0, 0.0, 0.0)
         if "normalTexture" in m:
             look["normal"] = self.texture(m["normalTexture"])
             look["normal_scale"] = float(m["normalTexture"].get("scale", 1))
@@ -190,7 +195,7 @@ class _File(Container):
             raise ValueError("it has a texture of anisotropy")
         specular = extensions.get("KHR_materials_specular", {})
         if {"specularTexture", "specularColorTexture"} & specular.keys():
-            self._leave("textures of KHR_materials_specular", m)
+            self.leave("textures of KHR_materials_specular", m)
         look["specular"] = float(specular.get("specularFactor", 1))
         look["specular_color"] = _colour(specular.get("specularColorFactor", [1, 1, 1]))
         look["ior"] = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
@@ -230,7 +235,7 @@ class _File(Container):
         if not names:
             return np.eye(4)[None]
         if "skin" in node:
-            self._leave("instances of a skin")
+            self.leave("instances of a skin")
             return np.eye(4)[None]
         accessors = {name: extension["attributes"][name] for name in names}
         counts = {self.json["accessors"][a]["count"] for a in accessors.values()}
@@ -274,7 +279,7 @@ class _File(Container):
         if self.vertices > MOST_VERTICES:
             raise ValueError(f"it has more than {MOST_VERTICES} vertices")
         if "targets" in primitive:
-            self._leave("morphs")
+            self.leave("morphs")
         normals = self._attribute(attributes["NORMAL"], 3, len(vertices)) if "NORMAL" in attributes else None
         names = {k: f"TEXCOORD_{k}" for k in range(4)}
         sets = {k: self._attribute(attributes[n], 2, len(vertices)) for k, n in names.items() if n in attributes}
@@ -406,7 +411,8 @@ def read(path: Path) -> tuple[Mesh, Material]:
         parts = file.parts()
         surfaces = alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
         for part in parts:
-            part.lay(surfaces[part.material])
+            if not part.lay(surfaces[part.material]):
+                file.leave("textures of what has no uvs", file.json["materials"][part.material])
         parts, more = cut_away(parts, surfaces)
         _warn_of(path, file.left_out() + sorted(more), stacklevel=5)
         material = joined(path, parts, surfaces, stacklevel=4)

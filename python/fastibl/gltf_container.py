@@ -23,6 +23,10 @@ DAMAGES = (
 )  # fmt: skip
 
 
+class NotThere(ValueError):
+    """A file that is named does not exist."""
+
+
 class Container:
     """json: the file's content. chunk: bytes of a .glb's second part. Raises ValueError for what is not glTF 2."""
 
@@ -51,7 +55,7 @@ class Container:
         try:
             return self._files.bytes(unquote(uri))
         except FileNotFoundError as error:  # if the file itself is missing, another error is raised
-            raise ValueError(str(error)) from None
+            raise NotThere(str(error)) from None
 
     def nodes(self) -> Iterator[tuple[int, dict[str, Any], NDArray[np.float64]]]:
         """Nodes of the scene, each once, by number, with the matrix (4, 4) that takes it to the scene.

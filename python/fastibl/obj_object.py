@@ -60,7 +60,8 @@ def read(path: Path) -> tuple[Mesh, Material | None]:
     surfaces = {part.material: library.surface(names[part.material] if part.material >= 0 else "") for part in parts}
     surfaces = alike(parts, surfaces)
     for part in parts:
-        part.lay(surfaces[part.material])
+        if not part.lay(surfaces[part.material]):
+            library.leave("textures of what has no vt")
     parts, left_out = cut_away(parts, surfaces)
     library.warn(left_out)
     material = joined(path, parts, surfaces, stacklevel=4)
@@ -95,6 +96,9 @@ class _Library:
         if left_out:
             warnings.warn(f"{self._path}: left out are {', '.join(left_out)}", stacklevel=5)
 
+    def leave(self, what: str) -> None:
+        self._left_out[what] = None
+
     def read(self, line: str) -> None:
         """Reads the files of an mtllib line: one name, which may contain spaces, or several names without spaces."""
         texts = {line: self._text(line)}
@@ -102,7 +106,7 @@ class _Library:
             texts = {name: self._text(name) for name in line.split()}
         for name, text in texts.items():
             if text is None:
-                self._left_out[f"{name} (not there)"] = None
+                self.leave(f"{name} (not there)")
             else:
                 self._add(text)
 
@@ -139,18 +143,18 @@ class _Library:
         """How a material of this name looks; grey where none is defined."""
         if name not in self.materials:
             if name:
-                self._left_out[f"material {name} (not defined)"] = None
+                self.leave(f"material {name} (not defined)")
             return Surface(base_color=(_GREY,) * 3, metallic=0.0)
         lines = self.materials[name]
         bumps = "map_bump" if _BLENDER in lines else "norm"  # Blender writes its normal maps so
         for kind in lines.keys() - _READ_MAPS - {bumps}:
             if kind in _LEFT_OUT or kind.startswith("map_"):
-                self._left_out[_LEFT_OUT.get(kind, kind)] = None
+                self.leave(_LEFT_OUT.get(kind, kind))
         for kind, what in _LAYERS.items():
             if _number(lines, kind, 0.0) > 0:
-                self._left_out[what] = None
+                self.leave(what)
         if _number(lines, "d", 1.0) < 1 or _number(lines, "tr", 0.0) > 0:
-            self._left_out["transparency"] = None
+            self.leave("transparency")
         cutout = self._cutout(lines)
         color, emission = _colour(lines, "kd", 1.0 if "map_kd" in lines else _GREY), _colour(lines, "ke", 0.0)
         base_color = self._texture(lines, "map_kd", color if any(color) else (1.0,) * 3, srgb=True)
@@ -177,7 +181,7 @@ class _Library:
             alpha = unit(texture.picture).mean(axis=-1, dtype=np.float32)
         cutout = Cutout(texture.source, alpha, 0.5, texture.wrap, texture.lie)
         if not cutout.is_outline:
-            self._left_out["transparency"] = None
+            self.leave("transparency")
             return None
         return None if cutout.shows_all else cutout
 
@@ -185,10 +189,10 @@ class _Library:
         try:
             data = self._bytes(name)
         except FileNotFoundError:
-            self._left_out[f"{name} (not there)"] = None
+            self.leave(f"{name} (not there)")
             return None
         if PurePosixPath(name).suffix.lower() in _OTHER_PICTURES:
-            self._left_out[f"{name} (neither PNG nor JPEG)"] = None
+            self.leave(f"{name} (neither PNG nor JPEG)")
             return None
         return self._decoder.decoded(data, name)
 

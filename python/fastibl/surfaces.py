@@ -218,23 +218,25 @@ class Part:
         beyond = (self.uvs.min(axis=0) < -1e-3) | (self.uvs.max(axis=0) > 1 + 1e-3)
         return bool(beyond[0]), bool(beyond[1])
 
-    def lay(self, surface: Surface) -> None:
-        """Chooses the uvs that a surface's textures are read with."""
+    def lay(self, surface: Surface) -> bool:
+        """Chooses the uvs that a surface's textures are read with. Returns False where it has none: all show the
+        texture's first corner, as of viewers."""
         lies = {t.lie for t in surface.textures}
         lies |= {surface.cutout.lie} if surface.cutout else set()
         lies = lies or {Lie()}
         if len(lies) > 1:
             raise ValueError("a material's textures lie on its mesh in different ways: sets of uvs, or transforms")
         (lie,) = lies
-        if lie.uvs in self.sets:
-            self.uvs = lie.applied(self.sets[lie.uvs]) * [1, -1] + [0, 1]
+        textured = bool(surface.textures or surface.cutout)
+        if lie.uvs in self.sets or textured:
+            own = self.sets.get(lie.uvs, np.zeros((len(self.vertices), 2)))
+            self.uvs = lie.applied(own) * [1, -1] + [0, 1]
+        return lie.uvs in self.sets or not textured
 
     def cut(self, wraps: tuple[str, str], copies: tuple[int, int]) -> NDArray:
         """Cuts its triangles at the borders of a texture, and returns its uvs, moved into it. copies: of the texture
         from border to border."""
-        if self.uvs is None:
-            raise ValueError("a mesh with a texture has no uvs")
-        uvs, values, self.triangles = single_copies(self.uvs / copies, self._carried(), self.triangles, wraps)
+        uvs, values, self.triangles = single_copies(present(self.uvs) / copies, self._carried(), self.triangles, wraps)
         self._carry(values)
         return uvs
 
@@ -311,8 +313,6 @@ def _cut_out(parts: list[Part], surfaces: dict[int, Surface], left_out: set[str]
         try:
             uvs = part.cut(cutout.wrap, copies[-1])
         except ValueError as error:
-            if part.uvs is None:
-                raise
             raise TooManyPieces(str(error)) from None
         part.uvs = uvs * copies[-1]
         cuts.append(Cut(uvs, part._carried(), part.triangles, cutout.outline(copies[-1])))
@@ -475,8 +475,6 @@ def joined(path: Path, parts: list[Part], surfaces: dict[int, Surface], stacklev
         raise ValueError("its textures go on beyond their borders in different ways")
     if len(surfaces) == 1:
         (surface,) = surfaces.values()
-        if surface.textures and any(p.uvs is None for p in parts):
-            raise ValueError("a mesh with a texture has no uvs")
         return surface.material()
     material, told = _atlas(parts, surfaces)
     for text in told:
