@@ -182,7 +182,7 @@ def test_outlines_are_as_near_as_they_say(size, tolerance):
 def test_many_copies_have_a_coarser_outline_and_say_so(tmp_path, monkeypatch):
     path = write(tmp_path / "a.gltf", rgba(leaf(512, 384)))
     whole = len(read(path)[0].triangles)
-    monkeypatch.setattr(cutouts, "_MOST_PIECES", 90)
+    monkeypatch.setattr(cutouts, "_ENOUGH", 90)
     with pytest.warns(UserWarning, match=r"a.gltf: left out are detail of outlines below \d texels") as told:
         mesh, _ = fastibl.read_object(path)
     assert len(mesh.triangles) < whole and told[0].filename == __file__

@@ -24,7 +24,8 @@ _NEAR = 2e-3
 # one piece, slivers across a leaf would be shaded in streaks, and take rays twice as long.
 _SQUARES = {0.05: 8, 0.25: 8, 0.5: 8, 1.0: 4, 2.0: 2, 4.0: 1}
 _MOST_OFF = 0.05  # of the area that is seen
-_MOST_PIECES = 2**18  # of all triangles of an object
+_ENOUGH = 2**16  # pieces of all triangles of an object: with more, outlines are coarser where they can be
+_MOST_PIECES = 2**18
 _FLAT = 1e-12  # twice the area in uv of triangles that have none
 _AT_ONCE = 2**19  # pairs of triangles
 
@@ -76,14 +77,20 @@ def cut_out(cuts: list[Cut]) -> tuple[list[tuple[NDArray, NDArray, NDArray]], fl
     Also returns by how many texels outlines may be off. Raises TooManyPieces.
     """
     tried: list[NDArray] = []
+    found: tuple[list[NDArray], float] | None = None
     for tolerance in list(_SQUARES)[1:]:
         outlines = [cut.outline.within(tolerance) for cut in cuts]
         if tried and all(a is b for a, b in zip(tried, outlines, strict=True)):
             continue
         tried, pairs = outlines, _all_pairs(cuts, tolerance)
         if pairs is not None:
-            return [_applied(cut, own, tolerance) for cut, own in zip(cuts, pairs, strict=True)], tolerance
-    raise TooManyPieces(f"its outlines have more than {_MOST_PIECES} triangles")
+            found = pairs, tolerance
+            if sum(map(len, pairs)) <= _ENOUGH:
+                break
+    if found is None:
+        raise TooManyPieces(f"its outlines have more than {_MOST_PIECES} triangles")
+    pairs, tolerance = found
+    return [_applied(cut, own, tolerance) for cut, own in zip(cuts, pairs, strict=True)], tolerance
 
 
 def _all_pairs(cuts: list[Cut], tolerance: float) -> list[NDArray] | None:
