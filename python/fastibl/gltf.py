@@ -25,7 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from ._fastibl import Material, Mesh
 from .file_limits import MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container, NotThere, transform
-from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_away, joined, mesh_of
+from .one_material import joined
+from .parts import Part, alike, cut_away, mesh_of
+from .surfaces import Cutout, Lie, Pictures, Surface, Texture
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {

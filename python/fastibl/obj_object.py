@@ -1,12 +1,13 @@
 """Wavefront .obj files with their materials (.mtl): one mesh with its material.
 
-A material is glTF's model: Kd and map_Kd are its base colour (Kd linear, as the format calls it a reflectance; one of 0
-beside a picture counts as 1), Ke and map_Ke its emission, Pm and map_Pm how metallic it is, Pr and map_Pr its
+A material is glTF's model: Kd and map_Kd are its base colour (Kd linear, as the format calls it a reflectance; beside a
+picture one of 0, or none, counts as 1), Ke and map_Ke its emission, Pm and map_Pm how metallic it is, Pr and map_Pr its
 roughness, without them that of a lobe as wide as Ns tells (matte where Ks is 0 or illum below 2); norm is a normal map.
-Of pictures -s, -o and -clamp are read. What map_d makes invisible is cut away (fastibl.cutouts) where it is an outline.
-Several materials become one: see fastibl.surfaces. Left out, with a warning that names them: other transparency (d,
-Tr), bumps (map_Bump), colours and shapes of highlights (Ks, map_Ks, map_Ns), pictures that are neither PNG nor JPEG,
-and files that are not there.
+In files that Blender wrote, Ns is its roughness and map_Bump its normal map. Of pictures -s, -o and -clamp are read;
+where a path leads out of the .obj's folder, the file of that name in it is meant. What map_d (or map_opacity) makes
+invisible is cut away (fastibl.cutouts) where it is an outline. Several materials become one: see fastibl.one_material.
+Left out, with a warning that names them: other transparency (d, Tr), bumps (map_Bump), colours and shapes of highlights
+(Ks, map_Ks, map_Ns), pictures that are neither PNG nor JPEG, and files that are not there.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from numpy.typing import NDArray
 
 from ._fastibl import Material, Mesh, _read_obj, _read_obj_materials
 from .file_limits import FolderFiles, OutsideFolder, file_bytes
+from .one_material import joined
+from .parts import Part, alike, cut_away, mesh_of
 from .pictures import unit
-from .surfaces import Cutout, Lie, Part, Pictures, Surface, Texture, alike, cut_away, joined, mesh_of
+from .surfaces import Cutout, Lie, Pictures, Surface, Texture
 
 _ARGUMENTS = {  # number of arguments of a picture's options; where it is 3, one to three numbers may follow
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-clamp": 1, "-bm": 1,
