@@ -46,6 +46,7 @@ _OTHER_MODEL = "KHR_materials_pbrSpecularGlossiness"
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _OF_MESHES = {"morphs", "instances of a skin"}  # parts of meshes that are left out
 _MOST_INSTANCES = 2**20
+_LONGEST_NAME = 60  # characters of a material's name that a warning shows
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
@@ -66,8 +67,9 @@ class _File(Container):
 
     def leave(self, what: str, material: dict[str, Any] | None = None) -> None:
         names = self._left_out.setdefault(what, [])
-        if material is not None and "name" in material and str(material["name"]) not in names:
-            names.append(str(material["name"]))
+        name = str((material or {}).get("name", ""))[:_LONGEST_NAME]
+        if name and name not in names:
+            names.append(name)
 
     def left_out(self, of: Iterable[str] | None = None) -> list[str]:
         """What is left out, in words; of: of these things."""

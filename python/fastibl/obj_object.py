@@ -150,8 +150,8 @@ class _Library:
             return Surface(base_color=(_GREY,) * 3, metallic=0.0)
         lines = self.materials[name]
         bumps = "map_bump" if _BLENDER in lines else "norm"  # Blender writes its normal maps so
-        for kind in lines.keys() - _READ_MAPS - {bumps}:
-            if kind in _LEFT_OUT or kind.startswith("map_"):
+        for kind in lines:
+            if kind not in _READ_MAPS | {bumps} and (kind in _LEFT_OUT or kind.startswith("map_")):
                 self.leave(_LEFT_OUT.get(kind, kind))
         for kind, what in _LAYERS.items():
             if _number(lines, kind, 0.0) > 0:
