@@ -183,3 +183,25 @@ def test_a_vertex_of_very_many_triangles_takes_no_time():
     made, along = drawn(fan)
     np.testing.assert_allclose(made.normals[n], (0, 0, 1), atol=1e-4)
     assert len(made.vertices) == n + 1 and along.min() > 0.7
+
+
+def test_stand_by_height_width_or_scale():
+    box = fastibl.Mesh(np.array([(0, 0, 1), (2, 0, 1), (2, 1, 1), (0, 1, 5)], float), [[0, 1, 2], [0, 2, 3]])
+    for size, extents in (
+        ({"height": 0.2}, (0.1, 0.05, 0.2)), ({"width": 0.3}, (0.3, 0.15, 0.6)), ({"scale": 0.01}, (0.02, 0.01, 0.04)),
+    ):  # fmt: skip
+        placed = fastibl.stand(box, **size).vertices
+        np.testing.assert_allclose(np.ptp(placed, axis=0), extents, rtol=1e-6)
+        np.testing.assert_allclose(placed.max(axis=0) + placed.min(axis=0), (0, 0, extents[2]), atol=1e-7)
+    np.testing.assert_array_equal(fastibl.stand(box, 0.2).vertices, fastibl.stand(box, height=0.2).vertices)
+    flat = fastibl.Mesh(box.vertices * [1, 1, 0], box.triangles)
+    same_error(lambda: fastibl.stand(flat, 0.1), ValueError, "without extent along z", "give its width or scale")
+    assert np.ptp(fastibl.stand(flat, width=1.0).vertices[:, 0]) == pytest.approx(1)
+    upright = fastibl.Mesh(np.array([(0, 0, 0), (0, 0, 1), (0, 0, 2)], float), [[0, 1, 2]])
+    same_error(lambda: fastibl.stand(upright, width=1.0), ValueError, "along x and y", "give its height or scale")
+    same_error(lambda: fastibl.stand(box), ValueError, "one of height, width and scale must be given, got none")
+    same_error(lambda: fastibl.stand(box, 0.1, width=0.1), ValueError, "got height and width")
+    for name in ("height", "width", "scale"):
+        for wrong in (0, -1, np.nan, np.inf):
+            same_error(lambda n=name, w=wrong: fastibl.stand(box, **{n: w}), ValueError, f"{name} must be positive")
+        same_error(lambda n=name: fastibl.stand(box, **{n: "1"}), TypeError, f"{name} must be a number, got str")

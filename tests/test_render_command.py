@@ -78,6 +78,25 @@ def test_a_given_map_is_as_bright_as_the_boards_white_says(tmp_path, recording, 
     assert abs(means[0] - means[1]) <= 2
 
 
+@pytest.mark.parametrize(
+    ("options", "extents"),
+    [([], (0.15, 0.15)), (["--height", "0.3"], (0.3, 0.3)), (["--width", "0.3"], (0.3, 0.3)), (["--scale", "0.02"],
+                                                                                        (0.04, 0.04))],
+)  # fmt: skip
+def test_an_objects_size_in_three_ways(options, extents, tmp_path):
+    import argparse
+
+    from fastibl.commands._arguments import add_object, object_of
+
+    trimesh.creation.box((2, 2, 2)).export(tmp_path / "box.stl")
+    p = argparse.ArgumentParser()
+    add_object(p)
+    mesh, _ = object_of(p.parse_args(["--object", str(tmp_path / "box.stl"), *options]))
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0)[1:], extents, rtol=1e-5)
+    with pytest.raises(SystemExit):
+        p.parse_args(["--height", "0.1", "--width", "0.1"])
+
+
 def test_layers_of_each_picture(tmp_path, recording, capsys):
     pytest.importorskip("OpenEXR")
     rendered(tmp_path, recording, "--layers", tmp_path / "layers")

@@ -224,19 +224,30 @@ _READERS: dict[str, Callable[[Path, bool, bool], Mesh | None]] = {
 }  # fmt: skip
 
 
-def stand(mesh: Mesh, height: float) -> Mesh:
-    """The mesh in the marker frame: scaled to `height` metres, centred on the z axis, lowest point on z = 0.
+def stand(mesh: Mesh, height: float | None = None, *, width: float | None = None, scale: float | None = None) -> Mesh:
+    """The mesh in the marker frame: scaled, centred on the z axis, lowest point on z = 0.
 
-    Raises ValueError for a height that is not positive and finite, or a flat mesh.
+    One of three says how large it becomes: height along z in metres; width in metres, the longer of its extents along x
+    and y, as for a rug; or scale, metres of a unit of the mesh: 1 keeps the size of a glTF file, 0.01 is for
+    centimetres. Raises ValueError for none or several of them, one that is not positive and finite, or a mesh without
+    extent along what is given; TypeError for what is no number.
     """
     expect(mesh, Mesh, "mesh")
-    expect(height, Real, "height", "metres")
-    if not (np.isfinite(height) and height > 0):
-        raise ValueError(f"height must be positive and finite (metres), got {height}")
+    given = {k: v for k, v in (("height", height), ("width", width), ("scale", scale)) if v is not None}
+    if len(given) != 1:
+        raise ValueError(f"one of height, width and scale must be given, got {' and '.join(given) or 'none'}")
+    ((name, size),) = given.items()
+    expect(size, Real, name, "a number" if name == "scale" else "metres")
+    if not (np.isfinite(size) and size > 0):
+        unit = "" if name == "scale" else " (metres)"
+        raise ValueError(f"{name} must be positive and finite{unit}, got {size}")
     vertices = mesh.vertices.astype(np.float64)
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)
-    if not upper[2] > lower[2]:
-        raise ValueError("a mesh without extent along z cannot be scaled to a height")
+    x, y, z = upper - lower
+    extent = {"height": z, "width": max(x, y), "scale": 1.0}[name]
+    if not extent > 0:
+        along, others = ("z", "width or scale") if name == "height" else ("x and y", "height or scale")
+        raise ValueError(f"a mesh without extent along {along} cannot be scaled to a {name}; give its {others}")
     origin = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
-    placed = (vertices - origin) * (height / (upper[2] - lower[2]))
+    placed = (vertices - origin) * (size / extent)
     return Mesh(placed, mesh.triangles, mesh.uvs, mesh._given_normals, mesh.colors)

@@ -60,6 +60,9 @@ def add_cameras(p: argparse._ActionsContainer) -> None:
     )
 
 
+_HEIGHT = 0.15  # metres
+
+
 def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
     """Options of the virtual object, or of several to choose from, and of how it is lit."""
     what = "mesh (.obj, .ply, .glb); by default the built-in figurine"
@@ -67,7 +70,14 @@ def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
         what = "meshes (.obj, .ply, .glb) to choose from, besides built-in ones; the first is what it begins with"
     p.add_argument("--object", type=Path, nargs="+" if several else None, metavar="FILE", help=what)
     p.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
-    p.add_argument("--height", type=positive, default=0.15, help="of the object in metres (default: %(default)s)")
+    height = f"of the object in metres (default: {_HEIGHT})"
+    if several:
+        p.add_argument("--height", type=positive, default=_HEIGHT, help=height)
+    else:
+        size = p.add_mutually_exclusive_group()
+        size.add_argument("--height", type=positive, help=height)
+        size.add_argument("--width", type=positive, help="of the object in metres, instead of its height")
+        size.add_argument("--scale", type=positive, help="metres of a unit of the mesh: 1 keeps the size of a .glb")
     p.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
     p.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
     p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
@@ -81,7 +91,8 @@ def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material | None]:
     mesh, material = shapes.figurine(), None
     if arguments.object is not None:
         mesh, material = mesh_and_material(arguments.object, arguments.up)
-    return stand(mesh, arguments.height), material
+    size = {name: value for name in ("height", "width", "scale") if (value := getattr(arguments, name)) is not None}
+    return stand(mesh, **(size or {"height": _HEIGHT})), material
 
 
 def board_of(path: Path | None) -> Board:
