@@ -70,6 +70,11 @@ class Cut(NamedTuple):
     triangles: NDArray
     outline: Outline
 
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Their uvs (m, 3, 2)."""
+        return np.asarray(self.uvs, np.float64)[self.triangles]
+
 
 def cut_out(cuts: list[Cut]) -> tuple[list[tuple[NDArray, NDArray, NDArray]], float]:
     """The parts of an object's triangles that lie within their outlines: uvs, values and triangles of each.
@@ -77,27 +82,27 @@ def cut_out(cuts: list[Cut]) -> tuple[list[tuple[NDArray, NDArray, NDArray]], fl
     Also returns by how many texels outlines may be off. Raises TooManyPieces.
     """
     tried: list[NDArray] = []
-    found: tuple[list[NDArray], float] | None = None
+    found: tuple[list[tuple[NDArray, NDArray]], float] | None = None
     for tolerance in list(_SQUARES)[1:]:
         outlines = [cut.outline.within(tolerance) for cut in cuts]
         if tried and all(a is b for a, b in zip(tried, outlines, strict=True)):
             continue
-        tried, pairs = outlines, _all_pairs(cuts, tolerance)
+        tried, pairs = outlines, _all_pairs(cuts, outlines)
         if pairs is not None:
-            found = pairs, tolerance
+            found = list(zip(outlines, pairs, strict=True)), tolerance
             if sum(map(len, pairs)) <= _ENOUGH:
                 break
     if found is None:
         raise TooManyPieces(f"its outlines have more than {_MOST_PIECES} triangles")
-    pairs, tolerance = found
-    return [_applied(cut, own, tolerance) for cut, own in zip(cuts, pairs, strict=True)], tolerance
+    shown, tolerance = found
+    return [_applied(cut, *own) for cut, own in zip(cuts, shown, strict=True)], tolerance
 
 
-def _all_pairs(cuts: list[Cut], tolerance: float) -> list[NDArray] | None:
+def _all_pairs(cuts: list[Cut], outlines: list[NDArray]) -> list[NDArray] | None:
     """For each cut its triangles' pairs with those of the outline; None for too many."""
     out, left = [], _MOST_PIECES
-    for cut in cuts:
-        pairs = _meeting(np.asarray(cut.uvs, np.float64)[cut.triangles], cut.outline.within(tolerance), left)
+    for cut, shown in zip(cuts, outlines, strict=True):
+        pairs = _meeting(cut.corners, shown, left)
         if pairs is None:
             return None
         out.append(pairs)
@@ -105,8 +110,8 @@ def _all_pairs(cuts: list[Cut], tolerance: float) -> list[NDArray] | None:
     return out
 
 
-def _applied(cut: Cut, pairs: NDArray, tolerance: float) -> tuple[NDArray, NDArray, NDArray]:
-    corners, shown = np.asarray(cut.uvs, np.float64)[cut.triangles], cut.outline.within(tolerance)
+def _applied(cut: Cut, shown: NDArray, pairs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    corners = cut.corners
     which, weights = _pieces(corners, shown, pairs)
     # What shows one place or a line of the picture is there or not.
     flat = np.flatnonzero(np.abs(_twice_areas(corners)) <= _FLAT)
@@ -116,7 +121,7 @@ def _applied(cut: Cut, pairs: NDArray, tolerance: float) -> tuple[NDArray, NDArr
     weights = np.concatenate([weights, np.broadcast_to(whole, (len(flat), *whole.shape))])
     vertices = np.hstack([cut.uvs, cut.values]).astype(np.float64)
     made = np.einsum("pkc,pci->pki", weights, vertices[cut.triangles[which]])
-    rows = made.reshape(len(made) * made.shape[1], -1 if made.size else vertices.shape[1])
+    rows = made.reshape(made.shape[0] * made.shape[1], made.shape[2])
     one, names = _same(rows, vertices)
     return rows[one, :2], rows[one, 2:], fans(names.reshape(made.shape[:2]))
 

@@ -237,7 +237,7 @@ def stand(mesh: Mesh, height: float | None = None, *, width: float | None = None
     if len(given) != 1:
         raise ValueError(f"one of height, width and scale must be given, got {' and '.join(given) or 'none'}")
     ((name, size),) = given.items()
-    expect(size, Real, name, "a number" if name == "scale" else "metres")
+    expect(size, Real, name, "metres of a unit of the mesh" if name == "scale" else "metres")
     if not (np.isfinite(size) and size > 0):
         unit = "" if name == "scale" else " (metres)"
         raise ValueError(f"{name} must be positive and finite{unit}, got {size}")

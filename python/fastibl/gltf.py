@@ -60,8 +60,7 @@ class _File(Container):
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
         self.vertices = self.triangles = self.instances = 0
-        self._decoder, self.pictures, self._alphas = Pictures(), dict[int, NDArray](), dict[int, NDArray | None]()
-        self._cutouts = dict[Cutout, Cutout]()  # those of the same picture share what is made of it
+        self._decoder, self.pictures = Pictures(), dict[int, NDArray]()
         self._faint = set[int]()  # materials of vertices whose colours have an alpha below 1
         self._left_out: dict[str, list[str]] = {}  # with the names of materials
 
@@ -152,16 +151,15 @@ class _File(Container):
         least = float(m.get("alphaCutoff", 0.5)) if mode == "MASK" else 0.5
         cutout = Cutout(-1, np.ones((1, 1), np.float32), least / max(factor, 1e-6))
         if isinstance(color, Texture):
-            if color.source not in self._alphas:
-                self._alphas[color.source] = self._decoder.alpha(self._encoded(color.source), f"texture {color.source}")
-            alpha = self._alphas[color.source]
+            source = color.source
+            alpha = self._decoder.alpha(source, lambda: self._encoded(source), f"texture {source}")
             if alpha is not None:
-                cutout = Cutout(color.source, alpha, cutout.cutoff, color.wrap, color.lie)
+                cutout = Cutout(source, alpha, cutout.cutoff, color.wrap, color.lie)
         if mode == "BLEND" and not (factor > 0.99 and cutout.is_outline):
             if (factor * cutout.alpha < 1).any():
                 self.leave("transparency", m)
             return None
-        return None if cutout.shows_all else self._cutouts.setdefault(cutout, cutout)
+        return self._decoder.shared(cutout)
 
     def surface(self, index: int) -> Surface:
         if index < 0:

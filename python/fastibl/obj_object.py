@@ -179,14 +179,14 @@ class _Library:
         if texture is None:
             return None
         name = list(self._pictures)[texture.source]
-        alpha = self._decoder.alpha(self._bytes(name), name)
+        alpha = self._decoder.alpha(name, lambda: self._bytes(name), name)
         if alpha is None or (alpha == 1).all():
             alpha = unit(texture.picture).mean(axis=-1, dtype=np.float32)
         cutout = Cutout(texture.source, alpha, 0.5, texture.wrap, texture.lie)
         if not cutout.is_outline:
             self.leave("transparency")
             return None
-        return None if cutout.shows_all else cutout
+        return self._decoder.shared(cutout)
 
     def _picture(self, name: str) -> NDArray | None:
         try:

@@ -116,14 +116,12 @@ def _together(parts: list[Part]) -> list[Part]:
         groups.setdefault((part.material, held), []).append(part)
     out = []
     for own in groups.values():
-        starts = np.cumsum([0, *(len(p.vertices) for p in own)])
         joined: dict[str, Any] = {
             name: np.concatenate([getattr(p, name) for p in own])
             for name in ("uvs", *_CARRIED)
             if getattr(own[0], name) is not None
         }
-        triangles = np.concatenate([p.triangles + start for p, start in zip(own, starts, strict=False)])
-        out.append(replace(own[0], triangles=triangles, sets={}, **joined))
+        out.append(replace(own[0], triangles=_all_triangles(own), sets={}, **joined))
     return out
 
 
@@ -175,12 +173,17 @@ def alike(parts: list[Part], surfaces: dict[int, Surface]) -> dict[int, Surface]
     return {m: surface for surface, m in first.items()}
 
 
+def _all_triangles(parts: list[Part]) -> NDArray[np.int64]:
+    """Of parts whose vertices follow each other."""
+    starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
+    return np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)])
+
+
 def mesh_of(parts: list[Part]) -> Mesh:
     normals = np.concatenate([_normals_of(p) for p in parts])
-    starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
     return Mesh(
         np.concatenate([p.vertices for p in parts]),
-        np.concatenate([p.triangles + start for p, start in zip(parts, starts, strict=False)]),
+        _all_triangles(parts),
         None if any(p.uvs is None for p in parts) else np.concatenate([p.uvs for p in parts]),
         normals,
         None if all(p.colors is None for p in parts) else np.concatenate([_colors_of(p) for p in parts]),

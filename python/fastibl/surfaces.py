@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,6 +25,8 @@ class Pictures:
 
     def __init__(self) -> None:
         self._pixels = 0
+        self._alphas: dict[Any, NDArray[np.float32] | None] = {}
+        self._cutouts: dict[Cutout, Cutout] = {}
 
     def decoded(self, data: bytes, name: str) -> NDArray[Any]:
         """(h, w, 3) uint8 or uint16 RGB of a PNG or JPEG. Raises ValueError, with the name, for others."""
@@ -35,10 +38,17 @@ class Pictures:
             raise ValueError(f"its textures have more than {MOST_PIXELS} pixels together")
         return picture
 
-    def alpha(self, data: bytes, name: str) -> NDArray[np.float32] | None:
-        """(h, w) from 0 to 1 of a picture that was decoded; None where it has no alpha."""
-        alpha = decode_alpha(data, name) if data[:1] == b"\x89" else None
-        return None if alpha is None else unit(alpha)
+    def alpha(self, source: Any, encoded: Callable[[], bytes], name: str) -> NDArray[np.float32] | None:
+        """(h, w) from 0 to 1 of a picture that was decoded; None where it has no alpha. source: which picture."""
+        if source not in self._alphas:
+            data = encoded()
+            alpha = decode_alpha(data, name) if data[:1] == b"\x89" else None
+            self._alphas[source] = None if alpha is None else unit(alpha)
+        return self._alphas[source]
+
+    def shared(self, cutout: Cutout) -> Cutout | None:
+        """The one of all materials that cut alike, which share what is made of it; None where it shows all."""
+        return None if cutout.shows_all else self._cutouts.setdefault(cutout, cutout)
 
 
 @dataclass(frozen=True)
