@@ -151,6 +151,10 @@ auto of_paper(F&& f) {
   return [f](const Material& m) -> py::object { return m.pbr ? py::object(py::none()) : f(m); };
 }
 
+auto pbr_number(float PbrMaterial::*number) {
+  return of_pbr([number](const PbrMaterial& p) -> py::object { return py::float_(p.*number); });
+}
+
 std::string text_of(const Material& m) {
   const auto text = [](const py::object& value) {
     if (!py::isinstance<py::array>(value)) return std::string(py::repr(value));
@@ -297,25 +301,15 @@ Raises ValueError for values out of range or another shape, TypeError for anothe
                                                    : py::object(py::none());
                              }),
                              "The normal map, encoded 0 to 1, or None.")
-      .def_property_readonly("anisotropy", of_pbr([](const PbrMaterial& p) -> py::object {
-                               return py::float_(p.anisotropy);
-                             }),
+      .def_property_readonly("anisotropy", pbr_number(&PbrMaterial::anisotropy),
                              "0 (round lobe) to 1, as in KHR_materials_anisotropy; None for Eq. 3.")
-      .def_property_readonly("anisotropy_rotation", of_pbr([](const PbrMaterial& p) -> py::object {
-                               return py::float_(p.anisotropy_rotation);
-                             }),
+      .def_property_readonly("anisotropy_rotation", pbr_number(&PbrMaterial::anisotropy_rotation),
                              "Radians from the tangent, counter-clockwise; None for Eq. 3.")
-      .def_property_readonly("normal_scale", of_pbr([](const PbrMaterial& p) -> py::object {
-                               return py::float_(p.normal_scale);
-                             }),
+      .def_property_readonly("normal_scale", pbr_number(&PbrMaterial::normal_scale),
                              "Factor on the normal map's x and y; None for Eq. 3.")
-      .def_property_readonly("ior", of_pbr([](const PbrMaterial& p) -> py::object {
-                               return py::float_(p.ior);
-                             }),
+      .def_property_readonly("ior", pbr_number(&PbrMaterial::ior),
                              "Index of refraction of what is not metal; None for Eq. 3.")
-      .def_property_readonly("specular", of_pbr([](const PbrMaterial& p) -> py::object {
-                               return py::float_(p.specular);
-                             }),
+      .def_property_readonly("specular", pbr_number(&PbrMaterial::specular),
                              "Strength of what reflects without being metal; None for Eq. 3.")
       .def_property_readonly("specular_color", of_pbr([](const PbrMaterial& p) -> py::object {
                                return triple(p.specular_color);

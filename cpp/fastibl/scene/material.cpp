@@ -47,8 +47,8 @@ void PbrMaterial::validate() const {
         anisotropy_rotation);
   check(std::isfinite(normal_scale), "a material's normal_scale must be finite, got ",
         normal_scale);
-  check(ior == 0 || (ior >= 1 && std::isfinite(ior)), "a material's ior must be at least 1, or 0, got ",
-        ior);
+  check(ior == 0 || (ior >= 1 && std::isfinite(ior)),
+        "a material's ior must be at least 1, or 0, got ", ior);
   check_share("specular", specular);
   check_colour("specular_color", specular_color);
   check_map("base_color", base_color_map, 3, 0, 1);

@@ -46,8 +46,8 @@ float glossy_part(const Material& m) {
   if (m.textured()) return 1;
   const float metallic = m.pbr ? m.pbr->metallic : 0;
   const float base = m.pbr ? mean(m.pbr->base_color) : 0;
-  const float glossy = m.pbr ? m.pbr->specular * mean(m.pbr->dielectric()) + metallic * base
-                             : mean(m.glossy);
+  const float glossy =
+      m.pbr ? m.pbr->specular * mean(m.pbr->dielectric()) + metallic * base : mean(m.glossy);
   const float diffuse = m.pbr ? (1 - metallic) * base : mean(m.diffuse);
   return glossy > 0 ? glossy / (glossy + diffuse) : 0.0f;
 }
