@@ -19,24 +19,40 @@ WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
 CORNERS = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float)  # v downwards
 
 
+BLACK_BASE = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
+
+
 def encoded(picture):
-    return base64.b64encode(cv2.imencode(".png", np.asarray(picture, np.uint8)[..., ::-1])[1]).decode()
+    """PNG of a picture (h, w, 3 or 4), with red first."""
+    order = [2, 1, 0, 3][: np.shape(picture)[2]]
+    return base64.b64encode(cv2.imencode(".png", np.asarray(picture, np.uint8)[..., order])[1]).decode()
+
+
+def squares(path, picture, looks, uvs=CORNERS, wrap="repeat", colors=None, copies=1):
+    """Squares of 0.1 beside each other, one of each material, which may name the texture (h, w, 3 or 4). copies: of
+    all of them."""
+    file, index, parts = Gltf(), np.uint16([0, 1, 2, 0, 2, 3]), []
+    for k in range(len(looks)):
+        corners = (square().vertices + [k, 0, 0]).astype("<f4")
+        attributes = {"POSITION": file.add(corners), "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
+        attributes |= {} if colors is None else {"COLOR_0": file.add(np.asarray(colors, "<f4"))}
+        parts.append({"attributes": attributes, "indices": file.add(index), "material": k})
+    file.json["nodes"] = [{"mesh": 0, "translation": [0, k, 0]} for k in range(copies)]
+    images = [{"uri": f"data:image/png;base64,{encoded(picture)}"}]
+    sampler = {"wrapS": WRAPS[wrap], "wrapT": WRAPS[wrap]}
+    return file.write(path, parts, materials=looks, images=images, samplers=[sampler],
+                      textures=[{"source": 0, "sampler": 0}])  # fmt: skip
+
+
+def plain(count):
+    """Materials without a texture, each of another colour."""
+    return [BLACK_BASE | {"emissiveFactor": [0, (k + 1) / (count + 1), 1]} for k in range(count)]
 
 
 def write(path, picture, uvs=CORNERS, wrap="repeat", materials=2, **more):
     """A square of 0.1 that a texture (h, w, 3) of sRGB makes shine, and plain ones of other colours out of view."""
-    file, index = Gltf(), np.uint16([0, 1, 2, 0, 2, 3])
-    images, parts = [{"uri": f"data:image/png;base64,{encoded(picture)}"}], []
-    black = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
-    looks = [black | {"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}} | more]
-    looks += [black | {"emissiveFactor": [0, k / materials, 1]} for k in range(1, materials)]
-    for k in range(materials):
-        corners = (square().vertices + [k, 0, 0]).astype("<f4")
-        attributes = {"POSITION": file.add(corners), "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
-        parts.append({"attributes": attributes, "indices": file.add(index), "material": k})
-    sampler = {"wrapS": WRAPS[wrap], "wrapT": WRAPS[wrap]}
-    return file.write(path, parts, materials=looks, images=images, samplers=[sampler],
-                      textures=[{"source": 0, "sampler": 0}])  # fmt: skip
+    look = BLACK_BASE | {"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}} | more
+    return squares(path, picture, [look, *plain(materials - 1)], uvs, wrap)
 
 
 def seen(path):
@@ -89,16 +105,9 @@ def test_textures_of_a_material_may_have_several_sizes(tmp_path):
 
 def write_sharing(path, picture, looks, uvs=CORNERS):
     """Squares beside each other, each with a material that shines by the same texture. looks: their emissiveFactor."""
-    file, index = Gltf(), np.uint16([0, 1, 2, 0, 2, 3])
-    black, parts = {"baseColorFactor": [0, 0, 0, 1]}, []
-    for k in range(len(looks)):
-        corners = file.add((square().vertices + [k, 0, 0]).astype("<f4"))
-        attributes = {"POSITION": corners, "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
-        parts.append({"attributes": attributes, "indices": file.add(index), "material": k})
-    shining = {"pbrMetallicRoughness": black, "emissiveTexture": {"index": 0}}
+    shining = BLACK_BASE | {"emissiveTexture": {"index": 0}}
     materials = [shining | {"name": str(k), "emissiveFactor": look} for k, look in enumerate(looks)]
-    images = [{"uri": f"data:image/png;base64,{encoded(picture)}"}]
-    return file.write(path, parts, materials=materials, images=images, textures=[{"source": 0}])
+    return squares(path, picture, materials, uvs)
 
 
 def test_materials_that_look_the_same_are_one(tmp_path):

@@ -1,14 +1,12 @@
 """Surfaces that end where their texture's alpha does: glTF's MASK and BLEND, map_d of .mtl files."""
 
-import base64
 import warnings
 
 import cv2
 import numpy as np
 import pytest
-from test_atlas import WRAPS
+from test_atlas import CORNERS, WRAPS, plain, squares
 from test_material import ABOVE, FROM_ABOVE, layer_of, square
-from test_mesh_files import Gltf
 
 import fastibl
 from conftest import same_error
@@ -17,7 +15,6 @@ from fastibl.uv_borders import single_copies
 
 BLACK = fastibl.CubeMap(np.zeros((6, 4, 4, 3), np.float32))
 WHITE = fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32))
-CORNERS = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float)  # v downwards
 SHINING = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [0, 0, 0, 1]},
            "emissiveFactor": [1, 1, 1], "alphaMode": "MASK"}  # fmt: skip
 
@@ -42,22 +39,7 @@ def rgba(alpha, color=(255, 255, 255), hidden=None):
 
 def write(path, picture, look=SHINING, uvs=CORNERS, wrap="repeat", others=0, colors=None, copies=1):
     """A square of 0.1 with a texture (h, w, 3 or 4), and plain ones of other materials out of view. copies: of all."""
-    file, parts = Gltf(), []
-    order = [2, 1, 0, 3][: picture.shape[2]]
-    png = cv2.imencode(".png", np.asarray(picture, np.uint8)[..., order])[1]
-    for k in range(1 + others):
-        corners = file.add((square().vertices + [k, 0, 0]).astype("<f4"))
-        attributes = {"POSITION": corners, "TEXCOORD_0": file.add(np.asarray(uvs, "<f4"))}
-        attributes |= {} if colors is None else {"COLOR_0": file.add(np.asarray(colors, "<f4"))}
-        parts.append({"attributes": attributes, "indices": file.add(np.uint16([0, 1, 2, 0, 2, 3])), "material": k})
-    file.json["nodes"] = [{"mesh": 0, "translation": [0, k, 0]} for k in range(copies)]
-    black = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
-    looks = [look] + [black | {"emissiveFactor": [0, (k + 1) / others, 1]} for k in range(others)]
-    return file.write(
-        path, parts, materials=looks, samplers=[{"wrapS": WRAPS[wrap], "wrapT": WRAPS[wrap]}],
-        images=[{"uri": "data:image/png;base64," + base64.b64encode(png).decode()}],
-        textures=[{"source": 0, "sampler": 0}],
-    )  # fmt: skip
+    return squares(path, picture, [look, *plain(others)], uvs, wrap, colors, copies)
 
 
 def read(path):
