@@ -523,19 +523,26 @@ def test_broken_file_is_made_anew(cache_folder, damage):
 def test_table_of_another_object_is_refused():
     from fastibl._fastibl import BakedShadow
 
-    baked = BakedShadow.bake(table(), GRID, 0, 4, 3)
-    begin, cells, cover, *outer = baked.tables
-    assert BakedShadow.from_tables(table(), GRID, 0, 4, 3, baked.tables).bytes == baked.bytes
-    wrong = begin.copy()
-    wrong[1] = 60000
+    baked = BakedShadow.bake(table(), GRID, 0, 4, 1)
+    begin, cells, cover, run_begin, runs, *outer = baked.tables
+    assert len(cells) and len(runs)
+    assert BakedShadow.from_tables(table(), GRID, 0, 4, 1, baked.tables).bytes == baked.bytes
+    wrong, wrong_run = begin.copy(), run_begin.copy()
+    wrong[1] = wrong_run[1] = 60000
     for bad in (
-        (begin[:-1], cells, cover),
-        (wrong, cells, cover),
-        (begin, cells[:-1], cover),
-        (begin, cells, cover[:, :8]),
-        (begin, np.full_like(cells, 64), cover),
-        (begin.astype(np.int64), cells, cover),
-        (begin, cells),
+        (begin[:-1], cells, cover, run_begin, runs),
+        (wrong, cells, cover, run_begin, runs),
+        (begin, cells[:-1], cover, run_begin, runs),
+        (begin, cells, cover[:, :8], run_begin, runs),
+        (begin, np.full_like(cells, 64), cover, run_begin, runs),
+        (begin.astype(np.int64), cells, cover, run_begin, runs),
+        (begin, cells, cover, run_begin[:-1], runs),
+        (begin, cells, cover, wrong_run, runs),
+        (begin, cells, cover, run_begin, runs[:-1]),
+        (begin, cells, cover, run_begin, runs[:, ::-1]),
+        (begin, cells, cover, run_begin, np.full_like(runs, 65)),
+        (begin, cells, cover, run_begin, runs[:, 0]),
+        (begin, cells, cover),
     ):
         with pytest.raises(ValueError, match="expected"):
             BakedShadow.from_tables(table(), GRID, 0, 4, 3, [*bad, *outer])

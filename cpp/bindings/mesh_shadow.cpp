@@ -14,33 +14,42 @@ py::array_t<T> copied(const T* data, std::vector<py::ssize_t> shape) {
   return py::array_t<T>(std::move(shape), data);
 }
 
-void append_arrays(const SparseCover& table, py::list& out) {
-  const auto count = py::ssize_t(table.source_of().size());
-  out.append(copied(table.begin().data(), {py::ssize_t(table.begin().size())}));
-  out.append(copied(table.source_of().data(), {count}));
-  out.append(copied(reinterpret_cast<const std::uint8_t*>(table.cover().data()),
-                    {count, py::ssize_t{16}}));
+constexpr std::size_t kArrays = 5;  // of a table
+
+void append_arrays(const SparseCover::Table& table, py::list& out) {
+  const auto size = [](const auto& v) { return py::ssize_t(v.size()); };
+  out.append(copied(table.begin.data(), {size(table.begin)}));
+  out.append(copied(table.source_of.data(), {size(table.source_of)}));
+  out.append(copied(reinterpret_cast<const std::uint8_t*>(table.cover.data()),
+                    {size(table.cover), py::ssize_t{16}}));
+  out.append(copied(table.run_begin.data(), {size(table.run_begin)}));
+  out.append(copied(reinterpret_cast<const std::uint16_t*>(table.runs.data()),
+                    {size(table.runs), py::ssize_t{2}}));
 }
 
-template <typename T>
-py::array_t<T, py::array::c_style> require_exactly(const py::handle& object, int dimensions) {
+// The rows of an array of T, each of which is a Row.
+template <typename T, typename Row>
+std::vector<Row> rows_of(const py::handle& object) {
   if (!py::isinstance<py::array_t<T>>(object))
-    throw py::value_error("expected arrays of a table of uint32, uint16 and uint8");
+    throw py::value_error("expected arrays of a table of uint32, uint16, uint8, uint32, uint16");
   const auto array = py::array_t<T, py::array::c_style>::ensure(object);
-  if (array.ndim() != dimensions || (dimensions == 2 && array.shape(1) != 16))
-    throw py::value_error("expected arrays of a table with shapes (b,), (n,), (n, 16), got " +
-                          shape_of(array));
-  return array;
+  constexpr std::size_t width = sizeof(Row) / sizeof(T);
+  if (array.ndim() != (width > 1 ? 2 : 1) || std::size_t(array.shape(array.ndim() - 1)) % width)
+    throw py::value_error(
+        "expected arrays of a table with shapes (b,), (n,), (n, 16), (b,), (r, 2), got " +
+        shape_of(array));
+  std::vector<Row> rows(std::size_t(array.size()) / width);
+  if (!rows.empty()) std::memcpy(rows.data(), array.data(), rows.size() * sizeof(Row));
+  return rows;
 }
 
 SparseCover table_of(int size, int sources, const py::list& arrays, std::size_t first) {
-  const auto begin = require_exactly<std::uint32_t>(arrays[first], 1);
-  const auto source_of = require_exactly<std::uint16_t>(arrays[first + 1], 1);
-  const auto cover = require_exactly<std::uint8_t>(arrays[first + 2], 2);
-  std::vector<SparseCover::Texels> texels(std::size_t(cover.shape(0)));
-  if (!texels.empty()) std::memcpy(texels.data(), cover.data(), texels.size() * 16);
-  return SparseCover(size, sources, {begin.data(), begin.data() + begin.size()},
-                     {source_of.data(), source_of.data() + source_of.size()}, std::move(texels));
+  return SparseCover(size, sources,
+                     {rows_of<std::uint32_t, std::uint32_t>(arrays[first]),
+                      rows_of<std::uint16_t, std::uint16_t>(arrays[first + 1]),
+                      rows_of<std::uint8_t, SparseCover::Texels>(arrays[first + 2]),
+                      rows_of<std::uint32_t, std::uint32_t>(arrays[first + 3]),
+                      rows_of<std::uint16_t, SparseCover::Run>(arrays[first + 4])});
 }
 
 std::optional<MeshShadow> bake(const Mesh& mesh, const MeshShadowOptions& options,
@@ -95,14 +104,14 @@ void bind_mesh_shadow(py::module_& module) {
           "from_tables",
           [](const Mesh& mesh, int resolution, float extent, int rings, int samples,
              const py::list& tables) {
-            if (tables.size() != 6)
-              throw py::value_error("expected six arrays of two tables, got " +
+            if (tables.size() != 2 * kArrays)
+              throw py::value_error("expected ten arrays of two tables, got " +
                                     std::to_string(tables.size()));
             const int cells = SkyCells(rings).count();
             return std::make_shared<MeshShadow>(
                 mesh, MeshShadowOptions{resolution, extent, rings, samples},
                 MeshShadow::Tables{table_of(resolution, cells, tables, 0),
-                                   table_of(resolution, cells, tables, 3)});
+                                   table_of(resolution, cells, tables, kArrays)});
           },
           py::arg("mesh"), py::arg("resolution"), py::arg("extent"), py::arg("rings"),
           py::arg("samples"), py::arg("tables"),
@@ -112,12 +121,13 @@ such.)")
           "tables",
           [](const MeshShadow& shadow) {
             py::list out;
-            append_arrays(shadow.tables().inner, out);
-            append_arrays(shadow.tables().outer, out);
+            append_arrays(shadow.tables().inner.table(), out);
+            append_arrays(shadow.tables().outer.table(), out);
             return out;
           },
-          "Three arrays of each of two tables: where the entries of each block begin, their cells, "
-          "their covers (n, 16).")
+          "Five arrays of each of two tables: where the entries of each block begin, their cells, "
+          "their covers (n, 16), where the runs of each block begin, and the runs (r, 2) of cells "
+          "that cover it wholly.")
       .def_property_readonly("bytes", &MeshShadow::bytes, "Memory of the tables.")
       .def_property_readonly(
           "extent", [](const MeshShadow& shadow) { return shadow.inner().extent; },

@@ -21,10 +21,10 @@ from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, 
 from .expected import expect
 from .whole_file import whole_file
 
-_FORMAT = 2  # version of the files and of how a table is baked: another number makes older files stale
+_FORMAT = 3  # version of the files and of how a table is baked: another number makes older files stale
 _Options = tuple[int, float, int, int]  # resolution, extent, rings, samples
 _PATIENCE = 0.5  # seconds before a progress bar appears
-_ARRAYS = ("begin", "cells", "cover", "outer_begin", "outer_cells", "outer_cover")
+_ARRAYS = tuple(table + array for table in ("", "outer_") for array in ("begin", "cells", "cover", "run_begin", "runs"))
 # What reading a damaged file raises; MemoryError if its header claims an impossibly large array.
 _BROKEN = (
     OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,

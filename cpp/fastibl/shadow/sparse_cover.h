@@ -1,6 +1,8 @@
 // How much of each source's light every texel of a plane map misses, and its sum for given weights.
 // A source is a cell of the sky, of which a texel can miss a part, or one direction. Most texels
-// see nearly all of the sky, so only what is missed is stored: about a tenth.
+// see nearly all of the sky, so only what is missed is stored: about a tenth. Half of that are
+// whole blocks of texels that miss all of a source, and such sources follow each other: they are
+// stored as runs.
 #pragma once
 
 #include <array>
@@ -27,21 +29,32 @@ class SparseCover {
   // The mean of the bit images of a source, all of `size`; at least one, at most 63.
   static Source source(std::span<const PlaneBits> images);
 
+  // Sources one after the other that cover a block wholly.
+  struct Run {
+    std::uint16_t first, end;
+    bool operator==(const Run&) const = default;
+  };
+  // What covers the blocks, in the order of the blocks. Entries of block b, which is covered in
+  // part, are [begin[b], begin[b + 1]); its runs are [run_begin[b], run_begin[b + 1]).
+  struct Table {
+    std::vector<std::uint32_t> begin;
+    std::vector<std::uint16_t> source_of;
+    std::vector<Texels> cover;
+    std::vector<std::uint32_t> run_begin;
+    std::vector<Run> runs;
+    bool operator==(const Table&) const = default;
+  };
+
   SparseCover() = default;
   SparseCover(int size, std::span<const Source> sources);
-  // Built from what the accessors below returned; throws std::invalid_argument if that is not
-  // possible.
-  SparseCover(int size, int sources, std::vector<std::uint32_t> begin,
-              std::vector<std::uint16_t> source_of, std::vector<Texels> cover);
+  // Built from what table() returned; throws std::invalid_argument if that is not possible.
+  SparseCover(int size, int sources, Table table);
 
   int size() const { return size_; }
   int sources() const { return sources_; }
   int blocks() const { return blocks_of(size_) * blocks_of(size_); }
   std::size_t bytes() const;
-  // Entries of block b are [begin()[b], begin()[b + 1]).
-  const std::vector<std::uint32_t>& begin() const { return begin_; }
-  const std::vector<std::uint16_t>& source_of() const { return source_of_; }
-  const std::vector<Texels>& cover() const { return cover_; }
+  const Table& table() const { return table_; }
 
   // Adds Σ weight × cover of all sources to `lost`, in blocks: for each block the red of its 16
   // texels, then green, then blue. weights: one for each source; a covered texel gets all of it.
@@ -51,9 +64,7 @@ class SparseCover {
  private:
   static int blocks_of(int size) { return (size + kBlock - 1) / kBlock; }
   int size_ = 0, sources_ = 0;
-  std::vector<std::uint32_t> begin_;
-  std::vector<std::uint16_t> source_of_;
-  std::vector<Texels> cover_;
+  Table table_;
 };
 
 }  // namespace fastibl
