@@ -85,6 +85,29 @@ def test_both_ways_are_one_table():
     assert (shares >= 0).all() and shares.max() <= 1.02
 
 
+@pytest.mark.parametrize("own", [False, True], ids=["shared vertices", "own vertices"])
+@pytest.mark.parametrize("count", [1, 8])
+def test_a_copy_of_a_triangle_adds_no_light(count, own):
+    """Merged scans hold faces twice. Turned over, a copy is the surface's other side, and sends light of its own."""
+    mesh = plate(count, 0.3, 0.2)
+    v, t = mesh.vertices, mesh.triangles
+    once = fastibl.PlaneExchange(mesh)
+    copies = np.roll(t, 1, axis=1)
+    twice = fastibl.PlaneExchange(
+        fastibl.Mesh(np.concatenate([v, v]), np.concatenate([t, copies + len(v)]))
+        if own else fastibl.Mesh(v, np.concatenate([t, copies]))
+    )  # fmt: skip
+    both = np.ones((len(v) * (1 + own), 3))
+    assert once.onto_plane(np.ones((len(v), 3))).max() > 0.1
+    np.testing.assert_allclose(twice.onto_plane(both), once.onto_plane(both[: len(v)]), rtol=0.01, atol=1e-3)
+    asked = np.ones((once.cells, once.cells, 3))
+    np.testing.assert_allclose(twice.onto_object(asked)[: len(v)], once.onto_object(asked), rtol=0.01, atol=1e-3)
+    over = fastibl.PlaneExchange(fastibl.Mesh(np.concatenate([v, v]), np.concatenate([t, t[:, ::-1] + len(v)])))
+    np.testing.assert_allclose(
+        over.onto_plane(np.ones((2 * len(v), 3))), once.onto_plane(np.ones((len(v), 3))), rtol=0.02, atol=1e-3
+    )
+
+
 def test_what_does_not_fit():
     mesh = plate(2, 0.1, 0.1, facing=1)
     exchange = fastibl.PlaneExchange(mesh)

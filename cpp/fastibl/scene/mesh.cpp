@@ -71,9 +71,6 @@ void Mesh::validate() const {
             " has vertex index ", triangles[i][c], ", expected 0 to ", vertices.size() - 1);
 }
 
-namespace {
-
-// A number by vertex, the same for all at one place.
 std::vector<int> places_of(const Mesh& mesh) {
   std::map<std::array<float, 3>, int> places;
   std::vector<int> place;
@@ -81,6 +78,8 @@ std::vector<int> places_of(const Mesh& mesh) {
     place.push_back(places.try_emplace({v.x, v.y, v.z}, int(places.size())).first->second);
   return place;
 }
+
+namespace {
 
 // The connected parts of a mesh, by their lowest place.
 class Parts {

@@ -24,6 +24,9 @@ struct Mesh {
 
 // The functions below throw std::invalid_argument for a mesh that is not valid.
 
+// A number by vertex, the same for all at one place.
+std::vector<int> places_of(const Mesh& mesh);
+
 // Whether the triangles leave no edge free, so that no triangle's back can be seen from outside:
 // each edge runs one way as often as the other. Vertices at the same place count as one.
 bool is_closed(const Mesh& mesh);

@@ -1,8 +1,10 @@
 #include "fastibl/shading/plane_exchange.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <map>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -75,6 +77,24 @@ void sum_received(const std::uint16_t* groups, const std::uint32_t* shares, std:
 
 bool finite(glm::vec2 v) { return std::isfinite(v.x) && std::isfinite(v.y); }
 
+// How many triangles lie where each one lies, the same side up: merged scans and drawings have such
+// copies.
+std::vector<int> copies_of(const Mesh& mesh) {
+  const std::vector<int> place = places_of(mesh);
+  std::vector<std::array<int, 3>> keys;
+  for (const glm::ivec3& t : mesh.triangles) {
+    std::array<int, 3> key{place[std::size_t(t.x)], place[std::size_t(t.y)],
+                           place[std::size_t(t.z)]};
+    std::rotate(key.begin(), std::min_element(key.begin(), key.end()), key.end());
+    keys.push_back(key);
+  }
+  std::map<std::array<int, 3>, int> counts;
+  for (const auto& key : keys) ++counts[key];
+  std::vector<int> copies;
+  for (const auto& key : keys) copies.push_back(counts[key]);
+  return copies;
+}
+
 // Where a vertex's light leaves and arrives: the vertex itself, or a point of a large triangle.
 struct Source {
   glm::vec3 from, normal;  // marker frame
@@ -91,16 +111,18 @@ class Sources {
           double cell_area, float contact)
       : contact_(contact), of_(placed.size()) {
     std::vector<double> fine(placed.size(), 0.0);
-    for (const glm::ivec3& t : mesh.triangles) {
+    const std::vector<int> copies = copies_of(mesh);
+    for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+      const glm::ivec3& t = mesh.triangles[i];
       // In double: the area of a mesh of 1e20 m would overflow.
       const glm::dvec3 p[3] = {placed[std::size_t(t.x)], placed[std::size_t(t.y)],
                                placed[std::size_t(t.z)]};
       const glm::dvec3 twice = glm::cross(p[1] - p[0], p[2] - p[0]);
-      const double area = 0.5 * glm::length(twice);
+      const double area = 0.5 * glm::length(twice), own = area / copies[i];  // a copy's part of it
       if (area <= 0.5 * cell_area)
-        for (int k = 0; k < 3; ++k) fine[std::size_t(t[k])] += area / 3;
+        for (int k = 0; k < 3; ++k) fine[std::size_t(t[k])] += own / 3;
       else
-        add_points(t, p, area, glm::vec3(twice / (2 * area)), cell_area);
+        add_points(t, p, own, glm::vec3(twice / (2 * area)), std::sqrt(2 * area / cell_area));
     }
     for (std::size_t v = 0; v < placed.size(); ++v)
       if (fine[v] > 0 || of_[v].empty()) add(v, placed[v], normals[v], v, fine[v]);
@@ -110,9 +132,10 @@ class Sources {
  private:
   static constexpr double kMostSteps = 32;  // along an edge
 
+  // steps: along an edge.
   void add_points(glm::ivec3 t, const glm::dvec3 (&p)[3], double area, glm::vec3 normal,
-                  double cell_area) {
-    const int n = int(std::min(std::ceil(std::sqrt(2 * area / cell_area)), kMostSteps));
+                  double steps) {
+    const int n = int(std::min(std::ceil(steps), kMostSteps));
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < 2 * (n - i) - 1; ++j) {  // triangles that point up and down by turns
         const double third = j % 2 == 0 ? 1.0 / 3 : 2.0 / 3;
