@@ -374,7 +374,8 @@ def public_headers(part="core"):
     if part != "core":
         return [f"fastibl/{PUBLIC[part]}"]
     headers = sorted(p.relative_to(ROOT / "cpp").as_posix() for p in (ROOT / "cpp" / "fastibl").rglob("*.h"))
-    return [h for h in headers if not re.search("/tracking/opencv/|/render/gl/|/(shared_formulas|seen_lights).h$", h)]
+    private = "/tracking/opencv/|/render/gl/|/(shared_formulas|seen_lights|check).h$"
+    return [h for h in headers if not re.search(private, h)]
 
 
 def compile_headers(compiler, folder, *options, headers=None):
@@ -404,6 +405,25 @@ def test_public_headers_go_together_without_warnings(compiler, tmp_path):
     for macros in (["-DGLM_FORCE_INTRINSICS", "-mavx2"], ["-DGLM_FORCE_SWIZZLE"], ["-DGLM_FORCE_ALIGNED_GENTYPES"]):
         done = compile_headers(compiler, tmp_path, *macros, "-DGLM_ENABLE_EXPERIMENTAL")
         assert done.returncode == 0, f"{macros}\n{done.stderr[:4000]}"
+
+
+@pytest.mark.skipif(not shutil.which("nm"), reason="no nm")
+def test_library_hides_what_it_defines():
+    """Two plugins of one program, with a library each, would call each other's functions."""
+    done = subprocess.run(
+        ["nm", "-D", "-C", "--defined-only", fastibl._fastibl.__file__], capture_output=True, text=True, check=True
+    )
+    names = [line.split(maxsplit=2)[2] for line in done.stdout.splitlines()]
+    assert "PyInit__fastibl" in names
+    assert [name for name in names if name.startswith("fastibl::")] == []
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_public_headers_fit_into_game_engines(compiler, tmp_path):
+    """Unreal's macro `check`, those of windows.h, and no exceptions."""
+    macros = ["-Dcheck(holds)=static_assert(false)", "-Dnear=", "-Dfar=", "-Dsmall=char"]
+    done = compile_headers(compiler, tmp_path, *macros, "-fno-exceptions", "-fno-rtti")
+    assert done.returncode == 0, done.stderr[:4000]
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)

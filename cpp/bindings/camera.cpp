@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bindings/numpy.h"
+#include "fastibl/core/check.h"
 #include "fastibl/scene/wide_lens.h"
 
 namespace fastibl::bindings {

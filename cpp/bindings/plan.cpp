@@ -11,6 +11,7 @@
 
 #include "bindings/costs.h"
 #include "bindings/numpy.h"
+#include "fastibl/core/check.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/bill.h"

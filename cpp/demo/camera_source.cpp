@@ -1,6 +1,7 @@
 #include "demo/camera_source.h"
 
 #include "demo/pixels.h"
+#include "fastibl/core/check.h"
 
 namespace fastibl::demo {
 namespace {

@@ -6,6 +6,7 @@
 #include "demo/commands.h"
 #include "demo/output.h"
 #include "demo/script.h"
+#include "fastibl/core/check.h"
 
 namespace fastibl::demo {
 namespace {

@@ -6,6 +6,7 @@
 #include "demo/camera_source.h"
 #include "demo/recording_reader.h"
 #include "demo/simulator/simulator_source.h"
+#include "fastibl/core/check.h"
 #ifdef FASTIBL_WITH_GL
 #include "fastibl/render/gl/gl_renderer.h"
 #endif

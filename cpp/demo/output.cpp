@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "demo/pixels.h"
+#include "fastibl/core/check.h"
 
 namespace fastibl::demo {
 namespace {

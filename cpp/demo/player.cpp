@@ -6,6 +6,7 @@
 
 #include "demo/object.h"
 #include "demo/open.h"
+#include "fastibl/core/check.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/tracking/opencv/opencv_detector.h"
 

@@ -10,6 +10,7 @@
 #include "demo/calibration.h"
 #include "demo/output.h"
 #include "demo/recording_tables.h"
+#include "fastibl/core/check.h"
 #include "fastibl/core/clock.h"
 
 namespace fastibl::demo {

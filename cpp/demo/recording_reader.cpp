@@ -11,6 +11,7 @@
 #include "demo/calibration.h"
 #include "demo/pixels.h"
 #include "demo/recording_tables.h"
+#include "fastibl/core/check.h"
 
 namespace fastibl::demo {
 namespace {

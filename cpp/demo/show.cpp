@@ -8,6 +8,7 @@
 #include "demo/overlays/format.h"
 #include "demo/script.h"
 #include "demo/window.h"
+#include "fastibl/core/check.h"
 #ifdef FASTIBL_WITH_INTERFACE
 #include "demo/interface.h"
 #endif

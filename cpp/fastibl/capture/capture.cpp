@@ -516,12 +516,12 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
 // Near things are seen in other directions from far off: pictures of a 360° camera that is carried
 // through a room only fill in what those beside the object did not see. A light whose place is
 // known is not left out.
-void Capture::leave_out_far_tiles(float far) {
+void Capture::leave_out_far_tiles(float distance) {
   std::erase_if(tiles_, [&](int tile) {
     const std::size_t i = std::size_t(tile);
     return unseen_.above(tile) && sums_[i].count == tile_rect(grid_, tile).texels() &&
            surroundings_.is_usual(surroundings_.depth(tile)) &&
-           far > kFarther * vantage_[i] + kFartherBy;
+           distance > kFarther * vantage_[i] + kFartherBy;
   });
 }
 

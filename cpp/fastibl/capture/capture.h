@@ -218,7 +218,7 @@ class Capture {
   void leave_out_quiet_tiles(const View& view);
   // Removes tiles of the sky that were seen whole from much nearer to the centre than `far`,
   // metres.
-  void leave_out_far_tiles(float far);
+  void leave_out_far_tiles(float distance);
   void compare_probes(const View& view, const int* tiles, int count);
   // How a rolling shutter shows a tile.
   struct Roll {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "fastibl/capture/capture.h"
+#include "fastibl/core/check.h"
 
 namespace fastibl {
 

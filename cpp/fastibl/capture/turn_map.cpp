@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "fastibl/capture/capture.h"
+#include "fastibl/core/check.h"
 
 namespace fastibl {
 void Capture::turn(const glm::dmat3& new_from_old) {

@@ -1,5 +1,6 @@
 // Checks of what callers pass in: they throw std::invalid_argument (ValueError in Python) and say
 // what was expected and what was given. Library code never exits or aborts.
+// Not for headers that programs include: some have a macro of that name, or no exceptions.
 #pragma once
 
 #include <sstream>
@@ -7,13 +8,17 @@
 
 namespace fastibl {
 
-// check(size > 0, "face size must be at least 1, got ", size);
 template <typename... Parts>
-void check(bool holds, const Parts&... message) {
-  if (holds) return;
+[[noreturn]] void invalid(const Parts&... message) {
   std::ostringstream text;
   (text << ... << message);
   throw std::invalid_argument(text.str());
+}
+
+// check(size > 0, "face size must be at least 1, got ", size);
+template <typename... Parts>
+void check(bool holds, const Parts&... message) {
+  if (!holds) invalid(message...);
 }
 
 }  // namespace fastibl

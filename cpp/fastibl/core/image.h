@@ -7,9 +7,13 @@
 #include <cstdlib>
 #include <vector>
 
-#include "fastibl/core/check.h"
-
 namespace fastibl {
+
+namespace checks {  // they throw std::invalid_argument
+void rows_apart(const char* which, std::ptrdiff_t packed, std::ptrdiff_t stride);
+void not_negative(int width, int height, int channels);
+void as_many_values(int width, int height, int channels, std::size_t values);
+}  // namespace checks
 
 // Borrowed pixels with interleaved channels; does not own them.
 template <typename T>
@@ -34,8 +38,7 @@ struct ImageView {
 template <typename T>
 void check_rows(const ImageView<T>& image, const char* which) {
   const std::ptrdiff_t packed = std::ptrdiff_t{image.width} * image.channels;
-  check(image.empty() || std::abs(image.stride()) >= packed, "rows of ", which, ", ", packed,
-        " values each, must be at least that far apart, got ", image.stride());
+  if (!image.empty()) checks::rows_apart(which, packed, image.stride());
 }
 
 // Owned pixels, rows packed. Throws std::invalid_argument for a negative size.
@@ -51,11 +54,7 @@ struct Image {
       : width(w), height(h), channels(c), data(count(w, h, c), value) {}
 
   // Throws std::invalid_argument if the fields disagree, as they can when they are set one by one.
-  void validate() const {
-    check(data.size() == count(width, height, channels), "a picture of ", width, " × ", height,
-          " with ", channels, " channels needs ", count(width, height, channels), " values, got ",
-          data.size());
-  }
+  void validate() const { checks::as_many_values(width, height, channels, data.size()); }
 
   T* row(int y) { return data.data() + offset(0, y); }
   const T* row(int y) const { return data.data() + offset(0, y); }
@@ -73,8 +72,7 @@ struct Image {
 
  private:
   static std::size_t count(int w, int h, int c) {
-    check(w >= 0 && h >= 0 && c >= 0, "the size of a picture must not be negative, got ", w, " × ",
-          h, " with ", c, " channels");
+    checks::not_negative(w, h, c);
     return std::size_t(w) * std::size_t(h) * std::size_t(c);
   }
   std::ptrdiff_t offset(int x, int y) const { return (std::ptrdiff_t{y} * width + x) * channels; }

@@ -1,7 +1,9 @@
 // FASTIBL_CLONES on a function compiles it for plain x86-64, for AVX2 + FMA and for AVX-512, and
 // picks one at run time. The function must consist of plain loops over arrays: inline functions of
 // other headers would be compiled without the attribute, unless they are inlined. Products and sums
-// are never contracted, so that a loop without a reordered sum gives the same bits on all three.
+// are never contracted, so that a loop without a reordered sum gives the same bits on all three. It
+// must be local to its file: GCC shows the function that picks one to other libraries, whatever
+// -fvisibility says.
 //
 // Not used without optimization: a lambda that is not inlined is then compiled for plain x86-64,
 // where wide vectors are passed in other registers.

@@ -3,6 +3,7 @@
 #include <array>
 #include <map>
 
+#include "fastibl/core/check.h"
 #include "fastibl/render/scene_samples.h"
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shading/bake_visibility.h"

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/render/make_scene.h"

@@ -201,12 +201,18 @@ float clean_radiance(float value, CleaningStatistics& statistics) {
   return kRadianceCap;
 }
 
+namespace {
+
 // Without a branch, so that it is vectorised.
-FASTIBL_CLONES bool all_clean(const float* values, int count) {
+FASTIBL_CLONES int any_unclean(const float* values, int count) {
   int bad = 0;
   for (int i = 0; i < count; ++i) bad |= !(values[i] >= 0 && values[i] <= kRadianceCap);
-  return bad == 0;
+  return bad;
 }
+
+}  // namespace
+
+bool all_clean(const float* values, int count) { return any_unclean(values, count) == 0; }
 
 std::uint64_t new_tile_version() {
   // Two copies of this library in one program, as in plugins, must not give the same numbers.
@@ -314,6 +320,11 @@ void CubeMap::update_levels(std::vector<FaceRect> changed, int written) {
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < size(); ++y) clean_row(f, y);
   update();
+}
+
+CubeLevel& CubeMap::base() {
+  check(!levels_.empty(), "a map without a size has no levels to write");
+  return levels_[0];
 }
 
 const CubeLevel& CubeMap::level_at_most(int size) const {

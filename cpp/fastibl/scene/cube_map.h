@@ -23,7 +23,6 @@
 #include <span>
 #include <vector>
 
-#include "fastibl/core/check.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/cube_reduction.h"
 #include "fastibl/scene/cube_tiles.h"
@@ -136,10 +135,7 @@ class CubeMap {
   // Level 0, for the code that builds the map to write: clean values only, and none in a border.
   // update() then renews what depends on it, bit for bit as if everything were made anew. Where NaN
   // or infinity was written, update() cleans the map.
-  CubeLevel& base() {
-    check(!levels_.empty(), "a map without a size has no levels to write");
-    return levels_[0];
-  }
+  CubeLevel& base();
   void update();                              // everything changed
   void update(std::span<const int> changed);  // tiles
   // The same where the caller has written the first `written` levels of the tiles, as CubeReduction

@@ -56,7 +56,7 @@ void sum_lights(const LightArrays& lights, const float* offset, const shared::Gg
   for (int i = 0; i < kMaxLights; ++i) {
     const glm::vec3 l(x[i], y[i], z[i]);
     value[i] =
-        sums.left[i] / sums.near[i] * seen.gain[i] *
+        sums.left[i] / sums.around[i] * seen.gain[i] *
         shared::ggx_light(lobe.view, lobe.alpha, lobe.view_size, l, seen.variance[i]);
     edge_value[i] = value[i] * shared::ggx_edge(l, lobe.view);
     value[i] -= edge_value[i];

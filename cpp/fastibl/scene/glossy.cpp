@@ -63,7 +63,7 @@ void sum_lights(const LightArrays& lights, const float* offset, float s, const T
                 taps.level[k], taps.weight[k], sums);
   for (int i = 0; i < kMaxLights; ++i)
     share[i] =
-        taps.harmonics + (1 - taps.harmonics) * sums.left[i] / std::max(sums.near[i], 1e-30f);
+        taps.harmonics + (1 - taps.harmonics) * sums.left[i] / std::max(sums.around[i], 1e-30f);
   for (int i = 0; i < kMaxLights; ++i)
     value[i] =
         share[i] * seen.gain[i] *

@@ -1,8 +1,26 @@
 #include "fastibl/scene/methods.h"
 
+#include "fastibl/core/check.h"
 #include "fastibl/scene/sampled_lobe.h"
 
 namespace fastibl {
+
+namespace checks {
+
+void no_such_method(std::string_view step, std::string_view text, std::string_view all) {
+  invalid("no ", step, " method \"", text, "\"; there are: ", all);
+}
+
+void no_such_setting(std::string_view method, std::string_view setting, std::string_view all) {
+  invalid(method, " has no setting \"", setting, "\"; there are: ", all.empty() ? "none" : all);
+}
+
+void in_range(std::string_view method, std::string_view setting, int least, int most, int value) {
+  check(value >= least && value <= most, "setting ", setting, " of ", method, " must be from ",
+        least, " to ", most, ", got ", value);
+}
+
+}  // namespace checks
 
 std::string_view name(DiffuseMethod method) {
   switch (method) {

@@ -7,8 +7,6 @@
 #include <string_view>
 #include <vector>
 
-#include "fastibl/core/check.h"
-
 namespace fastibl {
 
 enum class DiffuseMethod {
@@ -177,6 +175,14 @@ struct Methods {
   bool operator==(const Methods&) const = default;
 };
 
+namespace checks {  // they throw std::invalid_argument
+[[noreturn]] void no_such_method(std::string_view step, std::string_view text,
+                                 std::string_view all);
+[[noreturn]] void no_such_setting(std::string_view method, std::string_view setting,
+                                  std::string_view all);
+void in_range(std::string_view method, std::string_view setting, int least, int most, int value);
+}  // namespace checks
+
 // The method of that name among `methods`; throws std::invalid_argument, naming all, if there is
 // none.
 template <typename Method, std::size_t N>
@@ -186,14 +192,7 @@ Method method_named(std::string_view text, const std::array<Method, N>& methods,
     if (name(method) == text) return method;
     all += (all.empty() ? "" : ", ") + std::string(name(method));
   }
-  check(false, "no ", step, " method \"", text, "\"; there are: ", all);
-  return methods[0];
-}
-
-template <typename Settings, typename Method>
-void check_range(Method method, const Setting<Settings>& s, int value) {
-  check(value >= s.least && value <= s.most, "setting ", s.name, " of ", name(method),
-        " must be from ", s.least, " to ", s.most, ", got ", value);
+  checks::no_such_method(step, text, all);
 }
 
 // The settings of a method, some given by name, the others at their defaults. Throws
@@ -209,12 +208,11 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
     for (const Setting<Settings>& s : all) {
       names += (names.empty() ? "" : ", ") + std::string(s.name);
       if (s.name != key) continue;
-      check_range(method, s, value);
+      checks::in_range(name(method), s.name, s.least, s.most, value);
       settings.*s.value = value;
       found = true;
     }
-    check(found, name(method), " has no setting \"", key,
-          "\"; there are: ", names.empty() ? "none" : names);
+    if (!found) checks::no_such_setting(name(method), key, names);
   }
   return settings;
 }
@@ -224,7 +222,8 @@ template <typename Settings, typename Method>
 void check_settings(Method method, const Settings& settings) {
   for (const Method one : stands_for(method))
     for (const Setting<Settings>& s : settings_of(one))
-      if (settings.*s.value != Settings{}.*s.value) check_range(one, s, settings.*s.value);
+      if (settings.*s.value != Settings{}.*s.value)
+        checks::in_range(name(one), s.name, s.least, s.most, settings.*s.value);
 }
 template <typename Settings, typename Method>
 std::map<std::string, int> settings_map(Method method, const Settings& settings) {

@@ -27,20 +27,9 @@ int along_curve(int size, int x, int y) {
   return position;
 }
 
-}  // namespace
-
-glm::vec2 octahedral_point(glm::vec3 d) {
-  const glm::vec3 a = glm::abs(d);
-  // √(1 − |z|) = √(x² + y²)/√(1 + |z|), which keeps its digits near the pole.
-  const float flat = std::sqrt(a.x * a.x + a.y * a.y), r = flat / std::sqrt(1 + a.z);
-  const float y = flat > 0 ? r * std::atan2(a.y, a.x) * (2 / kPi) : 0, x = r - y;
-  const glm::vec2 folded = d.z < 0 ? glm::vec2(1 - y, 1 - x) : glm::vec2(x, y);
-  return {0.5f + 0.5f * std::copysign(folded.x, d.x), 0.5f + 0.5f * std::copysign(folded.y, d.y)};
-}
-
 FASTIBL_CLONES
-void octahedral_points(int count, const float* x, const float* y, const float* z, float* u,
-                       float* v) {
+void points_by_width(int count, const float* x, const float* y, const float* z, float* u,
+                     float* v) {
   for (int i = 0; i < count; ++i) {
     const float ax = std::fabs(x[i]), ay = std::fabs(y[i]), az = std::fabs(z[i]);
     const float less = ax < ay ? ax : ay, more = ax < ay ? ay : ax;
@@ -58,6 +47,22 @@ void octahedral_points(int count, const float* x, const float* y, const float* z
     u[i] = 0.5f + 0.5f * std::copysign(low ? 1 - b : a, x[i]);
     v[i] = 0.5f + 0.5f * std::copysign(low ? 1 - a : b, y[i]);
   }
+}
+
+}  // namespace
+
+glm::vec2 octahedral_point(glm::vec3 d) {
+  const glm::vec3 a = glm::abs(d);
+  // √(1 − |z|) = √(x² + y²)/√(1 + |z|), which keeps its digits near the pole.
+  const float flat = std::sqrt(a.x * a.x + a.y * a.y), r = flat / std::sqrt(1 + a.z);
+  const float y = flat > 0 ? r * std::atan2(a.y, a.x) * (2 / kPi) : 0, x = r - y;
+  const glm::vec2 folded = d.z < 0 ? glm::vec2(1 - y, 1 - x) : glm::vec2(x, y);
+  return {0.5f + 0.5f * std::copysign(folded.x, d.x), 0.5f + 0.5f * std::copysign(folded.y, d.y)};
+}
+
+void octahedral_points(int count, const float* x, const float* y, const float* z, float* u,
+                       float* v) {
+  points_by_width(count, x, y, z, u, v);
 }
 
 glm::vec3 octahedral_direction(glm::vec2 point) {

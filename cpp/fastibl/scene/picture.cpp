@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/cube_map.h"
 

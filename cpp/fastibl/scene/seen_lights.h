@@ -32,9 +32,9 @@ FASTIBL_INLINE void see_lights(const LightArrays& lights, const float* offset, S
   }
 }
 
-// The share of each light that the look-ups near it leave to be added: left / near.
+// The share of each light that the look-ups near it leave to be added: left / around.
 struct LightsLeft {
-  float near[kMaxLights] = {}, left[kMaxLights] = {};
+  float around[kMaxLights] = {}, left[kMaxLights] = {};
 };
 // Adds one look-up. x, y, z: directions of the lights, in the frame of `direction`; spread: the
 // square of the look-up's standard deviation.
@@ -47,7 +47,7 @@ FASTIBL_INLINE void add_look_up(const LightArrays& lights, const float* x, const
     const float part =
         weight * shared::seen_by_tap(direction, glm::vec3(x[i], y[i], z[i]), spread + variance[i]);
     const float past = k - lights.level[i];
-    sums.near[i] += part;
+    sums.around[i] += part;
     sums.left[i] += part * (fine * shared::clamp(past, 0.0f, 1.0f) +
                             coarse * shared::clamp(past + 1, 0.0f, 1.0f));
   }

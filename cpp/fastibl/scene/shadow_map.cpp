@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "fastibl/core/check.h"
 #include "fastibl/scene/shadow_look_up.h"
 #include "fastibl/scene/shadow_texels.h"
 
@@ -10,6 +11,11 @@ namespace fastibl {
 bool is_sphere(const glm::vec4& s) {
   return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.z) && std::isfinite(s.w) &&
          s.w > 0;
+}
+
+void check_room(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) {
+  check(points.size() <= ratios.size(), "there must be a result for each point, ", points.size(),
+        ", got ", ratios.size());
 }
 
 glm::vec3 ShadowMap::sample(glm::vec2 point) const {

@@ -4,7 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "fastibl/core/check.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/vector.h"
 
@@ -15,10 +14,8 @@ namespace fastibl {
 using SphereSet = std::vector<glm::vec4>;
 bool is_sphere(const glm::vec4& sphere);
 
-inline void check_room(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) {
-  check(points.size() <= ratios.size(), "there must be a result for each point, ", points.size(),
-        ", got ", ratios.size());
-}
+// Throws std::invalid_argument where there is no result for each point.
+void check_room(std::span<const glm::vec2> points, std::span<glm::vec3> ratios);
 
 // A channel in which the plane has less irradiance counts as unlit: the inverse times a radiance of
 // at most 1e9 would overflow.

@@ -39,21 +39,9 @@ FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, co
   height = half >= lobe.least ? height * cosine : none;
 }
 
-}  // namespace
-
-LobeHeight::LobeHeight(const std::optional<LobeShape>& shape, float sharpest) {
-  if (!shape) return;
-  any = true, ggx = shape->ggx, f0 = shape->f0;
-  exponent = std::min(shape->exponent, sharpest);
-  if (ggx)
-    alpha2 = 2 / exponent;
-  else
-    least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
-}
-
 FASTIBL_CLONES
-void sum_light(const LitDirections& of, const std::uint8_t* free, const glm::vec3& normal,
-               const glm::vec3& view, const LobeHeight& lobe, LightSums& out) {
+void sum_by_width(const LitDirections& of, const std::uint8_t* free, const glm::vec3& normal,
+                  const glm::vec3& view, const LobeHeight& lobe, LightSums& out) {
   const Lanes none{};
   const float nv = normal.x * view.x + normal.y * view.y + normal.z * view.z;
   const float view_cosine = nv > 1e-3f ? nv : 1e-3f;
@@ -109,6 +97,23 @@ void sum_light(const LitDirections& of, const std::uint8_t* free, const glm::vec
     out.open_lobe[c] = total(open_lobe[c]), out.lobe[c] = total(lobe_seen[c]);
   }
   out.height = total(height), out.open_squares = total(squares);
+}
+
+}  // namespace
+
+LobeHeight::LobeHeight(const std::optional<LobeShape>& shape, float sharpest) {
+  if (!shape) return;
+  any = true, ggx = shape->ggx, f0 = shape->f0;
+  exponent = std::min(shape->exponent, sharpest);
+  if (ggx)
+    alpha2 = 2 / exponent;
+  else
+    least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
+}
+
+void sum_light(const LitDirections& of, const std::uint8_t* free, const glm::vec3& normal,
+               const glm::vec3& view, const LobeHeight& lobe, LightSums& out) {
+  sum_by_width(of, free, normal, view, lobe, out);
 }
 
 }  // namespace fastibl

@@ -319,7 +319,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   for (int round = 0; round < 2; ++round) {  // from pixels away
     const FoundEdges far =
         find_edges(light, pattern_, codes.shown,
-                   {.far = true, .most = kFarEdges, .all_of_few = prior.by_corners});
+                   {.from_afar = true, .most = kFarEdges, .all_of_few = prior.by_corners});
     const auto fit = fit_to(far.points);
     if (!fit) break;
     search.spread = spread_of(far.points);

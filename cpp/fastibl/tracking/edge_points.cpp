@@ -38,8 +38,8 @@ std::optional<ExpectedEdge> clear_part(const glm::dvec2& a, const glm::dvec2& t,
   const double across = std::max(std::abs(t.x), std::abs(t.y)),
                along = std::min(std::abs(t.x), std::abs(t.y));
   const double space = room / across;  // on a scan line
-  int reach = search.far ? std::min(int(space), kMostReach)
-                         : std::min(int(space - kTail * search.spread), kMostNear);
+  int reach = search.from_afar ? std::min(int(space), kMostReach)
+                               : std::min(int(space - kTail * search.spread), kMostNear);
   const auto part = [&]() -> std::optional<ExpectedEdge> {
     const double cut = kCorner * search.spread + along * reach;
     const double left = length - cut * (edge.from_ends + edge.to_ends);
@@ -47,9 +47,9 @@ std::optional<ExpectedEdge> clear_part(const glm::dvec2& a, const glm::dvec2& t,
     const double from = edge.from_ends ? cut : 0;
     return ExpectedEdge{a + from * t, a + (from + left) * t, reach};
   };
-  if (reach < (search.far ? 2 : search.least_reach)) return std::nullopt;
+  if (reach < (search.from_afar ? 2 : search.least_reach)) return std::nullopt;
   for (; reach >= 2; --reach)
-    if (auto found = part(); found || search.far) return found;
+    if (auto found = part(); found || search.from_afar) return found;
   return search.least_reach > 1 ? std::nullopt : part();
 }
 
@@ -61,11 +61,11 @@ std::size_t visit_edges(const LightReader& light, const BoardPattern& pattern,
   const auto sides = std::size_t(4 * pattern.modules);
   std::size_t total = 0, turn = 0, visited = 0;
   for (const ProjectedTag& tag : tags)
-    total += search.far ? sides : pattern.tags[tag.index].edges.size();
+    total += search.from_afar ? sides : pattern.tags[tag.index].edges.size();
   const std::size_t step = search.most > 0 ? std::max<std::size_t>(1, total / search.most) : 1;
   for (const ProjectedTag& tag : tags) {
     const TagPattern& printed = pattern.tags[tag.index];
-    const std::size_t count = search.far ? sides : printed.edges.size();
+    const std::size_t count = search.from_afar ? sides : printed.edges.size();
     for (std::size_t k = 0; k < count; ++k) {
       if (turn++ % step != 0) continue;
       const TagEdge& edge = printed.edges[k];
@@ -150,7 +150,7 @@ FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
     found.points.clear(), near.clear();
     found.expected = visit_edges(light, pattern, tags, which,
                                  [&](const ExpectedEdge& expected, EdgePoint& point) {
-                                   if (search.far) {
+                                   if (search.from_afar) {
                                      const auto edge = find_far_edge(light, expected);
                                      if (!edge) return;
                                      point.offset = edge->offset, point.noise = edge->noise;
@@ -170,7 +170,7 @@ FoundEdges find_edges(const LightReader& light, const BoardPattern& pattern,
     all.most = 0, found.all = true;
     visit(all);
   }
-  if (!search.far) set_offsets(near, found.points);
+  if (!search.from_afar) set_offsets(near, found.points);
   return found;
 }
 

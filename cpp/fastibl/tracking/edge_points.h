@@ -21,7 +21,8 @@ struct EdgePoint {
 };
 
 struct EdgeSearch {
-  bool far = false;  // the tags' sides alone, from pixels away; otherwise all edges, from close by
+  bool from_afar =
+      false;  // the tags' sides alone, from pixels away; otherwise all edges, from close by
   std::size_t most = 0;     // edges looked at, spread evenly; 0: all
   double spread = 1.1;      // px; half an edge's width in the picture
   int least_reach = 1;      // px on either side that an edge needs, from close by: 1 or 2

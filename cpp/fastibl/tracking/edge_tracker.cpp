@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/solve.h"
 #include "fastibl/tracking/roll_corners.h"
 

@@ -1,5 +1,7 @@
 #include "fastibl/tracking/light_reader.h"
 
+#include "fastibl/core/check.h"
+
 namespace fastibl {
 
 LightTable::LightTable(const Response& response, int count) : channels(count) {

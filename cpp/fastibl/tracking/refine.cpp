@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "fastibl/core/check.h"
 #include "fastibl/scene/tag_codes.h"
 #include "fastibl/scene/wide_lens.h"
 

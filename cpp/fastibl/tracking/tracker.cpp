@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/solve.h"
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/roll_corners.h"

@@ -1,5 +1,6 @@
 #include <optional>
 
+#include "fastibl/core/check.h"
 #include "fastibl/render/renderer.h"
 #include "fastibl/shading/composite.h"
 #include "fastibl/shading/glossy_shares.h"

@@ -17,6 +17,8 @@
 #include <opencv2/calib3d.hpp>
 #endif
 
+#include "fastibl/core/check.h"
+
 namespace fastibl {
 namespace {
 
