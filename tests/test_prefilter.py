@@ -86,6 +86,8 @@ def test_mappings():
     same(levels, (np.arange(5) / 4) ** 2)
     r = [1 - np.sqrt(1 - k / 4) for k in range(5)]
     same(lighting.prefiltered(16, 5, mapping="filament"), np.square(r))
+    r = [np.roots([-0.7, 1.7, -k / 4]).real.min() for k in range(5)]
+    same(lighting.prefiltered(16, 5, mapping="unity"), np.square(r))
     same(lighting.prefiltered(16, 5, "phong"), [1 + 2 ** (1 + 8 * (1 - k / 5)) for k in range(5)], "phong")
     np.testing.assert_array_equal(levels[0].faces, cube.faces)
     same(lighting.prefiltered(16, model="phong", parameters=[np.inf]), [0.0])
@@ -179,7 +181,7 @@ def test_bad_input_is_refused(marked):
     same_error(lambda: lighting.prefiltered(0), ValueError, "size", "0")
     same_error(lambda: lighting.prefiltered(8, 0), ValueError, "level", "0")
     same_error(lambda: lighting.prefiltered(8, model="beckmann"), ValueError, "beckmann", "ggx, phong, blinn")
-    same_error(lambda: lighting.prefiltered(8, mapping="unity"), ValueError, "unity", "filament")
+    same_error(lambda: lighting.prefiltered(8, mapping="maya"), ValueError, "maya", "filament")
     same_error(lambda: lighting.prefiltered(8, model="phong", mapping="gltf"), ValueError, "gltf", "phong")
     same_error(lambda: lighting.prefiltered(8, model="blinn"), ValueError, "parameters")
     same_error(lambda: lighting.prefiltered(8, parameters=[0.1], mapping="gltf"), ValueError, "not both")

@@ -202,8 +202,8 @@ class Lighting(_Lighting):
         model: "ggx", D(theta/2) cos(theta) with parameter alpha, as Filament, three.js and glTF viewers store it;
         "phong", cos^p(theta); or "blinn", cos^s(theta/2) cos(theta), Eq. 3 seen along the normal.
         mapping: how level k of n sets the parameter. "gltf" (default of ggx): perceptual roughness r = k/(n - 1),
-        alpha = r^2, so a shader reads level r (n - 1). "filament": 2r - r^2 = k/(n - 1). "cmft" (default of phong):
-        p = 1 + 2^(1 + 8 (1 - k/n)). Level 0 of the first two is the map itself.
+        alpha = r^2, so a shader reads level r (n - 1). "filament": 2r - r^2 = k/(n - 1). "unity": r (1.7 - 0.7 r) =
+        k/(n - 1). "cmft" (default of phong): p = 1 + 2^(1 + 8 (1 - k/n)). Level 0 is the map itself, except of "cmft".
         parameters: one per level instead of a mapping (needed for "blinn"); alpha 0 and exponent infinity give the map.
         wanted: indices of the levels to make; the others are None, and cost nothing. error: the mean error of a level,
         relative to its mean, that real maps stay below; a smaller one takes longer. Raises ValueError for other values.

@@ -268,6 +268,8 @@ std::string_view name(LevelMapping mapping) {
   switch (mapping) {
     case LevelMapping::filament:
       return "filament";
+    case LevelMapping::unity:
+      return "unity";
     case LevelMapping::cmft:
       return "cmft";
     default:
@@ -277,7 +279,8 @@ std::string_view name(LevelMapping mapping) {
 
 LevelMapping level_mapping(std::string_view text) {
   return method_named(text,
-                      std::array{LevelMapping::gltf, LevelMapping::filament, LevelMapping::cmft},
+                      std::array{LevelMapping::gltf, LevelMapping::filament, LevelMapping::unity,
+                                 LevelMapping::cmft},
                       "level mapping");
 }
 
@@ -286,7 +289,10 @@ std::vector<double> level_parameters(LevelMapping mapping, int count) {
   std::vector<double> parameters;
   for (int k = 0; k < count; ++k) {
     const double lod = count > 1 ? double(k) / (count - 1) : 0;
-    const double roughness = mapping == LevelMapping::gltf ? lod : 1 - std::sqrt(1 - lod);
+    const double roughness = mapping == LevelMapping::gltf ? lod
+                             : mapping == LevelMapping::unity
+                                 ? (1.7 - std::sqrt(2.89 - 2.8 * lod)) / 1.4
+                                 : 1 - std::sqrt(1 - lod);
     parameters.push_back(mapping == LevelMapping::cmft
                              ? 1 + std::exp2(1 + 8 * (1 - double(k) / count))
                              : roughness * roughness);

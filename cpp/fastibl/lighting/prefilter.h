@@ -32,6 +32,8 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
 enum class LevelMapping {
   gltf,      // ggx: level k has perceptual roughness k/(count − 1), alpha its square
   filament,  // ggx: roughness r with 2r − r² = k/(count − 1), Filament's lodToPerceptualRoughness
+  unity,  // ggx: roughness r with r (1.7 − 0.7 r) = k/(count − 1), as Unity's shaders look levels
+          // up
   cmft,  // phong: p = 1 + 2^(1 + 8 (1 − k/count)), cmft's gloss scale 8, bias 1 without its last
 };
 std::string_view name(LevelMapping mapping);
