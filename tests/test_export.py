@@ -15,7 +15,7 @@ import pytest
 import fastibl
 from bench.product import readers
 from conftest import same_error, units
-from fastibl import __main__, reference
+from fastibl import __main__, dds, ktx2, reference
 from fastibl.environment_files import LAYOUTS
 from fastibl.pictures import read_picture, write_picture
 
@@ -31,10 +31,20 @@ def ending(request):
     return request.param
 
 
+AXES = ["marker", "gltf", "unity", "godot"]
+
+
 def gltf(directions):
     """A marker-frame direction in glTF's axes: x stays, up is y, up the board is -z."""
     x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
     return np.stack([x, z, -y], axis=-1)
+
+
+def in_axes(directions, axes):
+    """Unity's importers of glTF reverse x; Godot's axes are glTF's."""
+    if axes == "marker":
+        return np.asarray(directions)
+    return gltf(directions) * ([-1, 1, 1] if axes == "unity" else [1, 1, 1])
 
 
 def opengl_lookup(faces, direction):
@@ -59,7 +69,7 @@ def faces_in_file(path, layout, n):
     return np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in zip(rows, columns, strict=True)])
 
 
-@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("layout", ["faces", "strip", "cross"])
 def test_faces_lie_where_opengl_looks(marked, tmp_path, ending, layout, axes):
     path = tmp_path / f"m.{ending}"
@@ -69,9 +79,7 @@ def test_faces_lie_where_opengl_looks(marked, tmp_path, ending, layout, axes):
     for d in units(300):
         d = d if np.sort(np.abs(d))[-2] < 0.97 * np.abs(d).max() else np.array([0.3, 0.2, 0.9])
         expected = opengl_lookup(marked.faces, d)
-        np.testing.assert_allclose(
-            opengl_lookup(faces, gltf(d) if axes == "gltf" else d), expected, atol=expected.max() / 255
-        )
+        np.testing.assert_allclose(opengl_lookup(faces, in_axes(d, axes)), expected, atol=expected.max() / 255)
     back = fastibl.read_environment(names[0], axes=axes)
     np.testing.assert_allclose(back.faces, marked.faces, atol=0 if ending == "exr" else 6 / 255)
     if ending == "exr":
@@ -137,17 +145,23 @@ def test_exported_cubes_are_of_the_handedness_that_was_asked_for(marked, tmp_pat
     same_error(lambda: fastibl.export_light(marked, tmp_path, handedness="up"), ValueError, "up", "left")
 
 
-@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("axes", AXES)
 def test_equirect_orientation(marked, tmp_path, ending, axes):
     path = tmp_path / f"m.{ending}"
     assert fastibl.write_environment(path, marked, axes=axes, height=256) == [path]
     image = read_picture(path)
     assert image.shape == (256, 512, 3)
     for d in units(300):
-        x, y, z = gltf(d) if axes == "gltf" else d
-        # three.js' equirectUv and the marker frame's own, with row 0 on top.
-        u, v = (np.arctan2(z, x), np.arccos(y)) if axes == "gltf" else (np.arctan2(x, y), np.arccos(z))
-        row, column = int(v / np.pi * 256), int((0.5 + u / (2 * np.pi)) * 512) % 512
+        x, y, z = in_axes(d, axes)
+        # three.js' equirectUv, Unity's Skybox/Panoramic, Godot's PanoramaSkyMaterial and the marker frame's own, with
+        # row 0 on top.
+        u = {
+            "gltf": 0.5 + np.arctan2(z, x) / (2 * np.pi),
+            "unity": 0.5 - np.arctan2(z, x) / (2 * np.pi),
+            "godot": np.arctan2(x, -z) / (2 * np.pi),
+            "marker": 0.5 + np.arctan2(x, y) / (2 * np.pi),
+        }[axes]
+        row, column = int(np.arccos(z if axes == "marker" else y) / np.pi * 256), int((u % 1) * 512)
         around = image[max(row - 12, 0) : row + 13, np.arange(column - 14, column + 15) % 512]
         if np.ptp(around, axis=(0, 1)).max() < 0.01:  # away from edges
             np.testing.assert_allclose(image[row, column], opengl_lookup(marked.faces, d), rtol=0.02)
@@ -305,8 +319,8 @@ def test_lights_apart_and_what_is_left_are_all_of_the_light(tmp_path):
     assert rough.max() < 0.5 < light_of(tmp_path / "whole", whole, 2).max()
 
 
-@pytest.mark.parametrize("axes", ["marker", "gltf"])
-@pytest.mark.parametrize("map_axes", ["marker", "gltf"])
+@pytest.mark.parametrize("axes", AXES)
+@pytest.mark.parametrize("map_axes", AXES)
 def test_the_command_keeps_the_picture(tmp_path, axes, map_axes):
     """Turned by whole pixels: its sun stays as small and bright as it was."""
     picture = np.random.default_rng(0).uniform(0.2, 1, (128, 256, 3)).astype(np.float32)
@@ -349,7 +363,7 @@ def test_a_given_picture_is_written(tmp_path):
         )
 
 
-@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("axes", AXES)
 def test_light_json_says_the_axes_of_each_file(marked, tmp_path, axes):
     manifest = fastibl.export_light(
         marked, tmp_path, axes=axes, size=32, levels=2, sh=["filament"], gltf=True, usd=True
@@ -357,7 +371,73 @@ def test_light_json_says_the_axes_of_each_file(marked, tmp_path, axes):
     said = manifest["axes_of_files"]
     assert set(said) == {p.name for p in tmp_path.iterdir()} - {"light.json"}
     assert said.pop("light.glb") == "gltf" and said.pop("light_dome.hdr") == "dome of light.usda"
+    assert said.pop("light.usda") == ("marker" if axes == "marker" else "gltf")
     assert set(said.values()) == {axes}
+
+
+@pytest.mark.parametrize("format", ["hdr", "ktx2", "dds"])
+def test_all_of_an_engine_agrees(tmp_path, format):
+    """A lamp, as Unity finds it: its direction, the cubes by that direction, the harmonics by Unity's shader."""
+    faces = np.full((6, 32, 32, 3), 0.2, np.float32)
+    faces[0, 12:15, 22:25] = (300, 200, 100)
+    cube = fastibl.CubeMap(faces)
+    manifest = fastibl.export_light(
+        cube, tmp_path, axes="unity", size=32, levels=3, mapping="unity", format=format, sh=["filament"]
+    )
+    assert manifest["handedness"] == "left" and manifest["intensity"] == 1
+    (lamp,) = manifest["lights"]
+    d = np.array(lamp["direction"])
+    np.testing.assert_allclose(d, in_axes(fastibl.Lighting(cube).lights[0].direction, "unity"), atol=1e-6)
+    for name, level in ((manifest["irradiance"]["files"][0], 0), (manifest["prefiltered"]["levels"][1]["files"][0], 1)):
+        if format == "hdr":
+            made = read_picture(tmp_path / name).reshape(6, 16, 16, 3)
+        else:
+            made = {"ktx2": ktx2.read_ktx2, "dds": dds.read_dds}[format](tmp_path / name)[level]
+        assert np.array_equal(opengl_lookup(made, d), made.max(axis=(0, 1, 2))), name
+    levels = [level["roughness"] for level in manifest["prefiltered"]["levels"]]
+    np.testing.assert_allclose([r * (1.7 - 0.7 * r) for r in levels], [0, 0.5, 1], atol=1e-6)
+    # SphericalHarmonicsL2[c, i] is row i; ShadeSH9 of UnityCG.cginc.
+    n = units(200)
+    x, y, z = n.T
+    rows = np.array(json.loads((tmp_path / "sh.json").read_text())["sh"])
+    shaded = np.stack([x**0, y, z, x, x * y, y * z, 3 * z * z - 1, z * x, x * x - y * y], axis=-1) @ rows
+    true = reference.irradiance(cube, n * [-1, 1, 1] @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]]) / np.pi
+    off = np.abs(shaded - true).mean() / true.mean()
+    print(f"Unity's harmonics of a lamp and a dim room: {100 * off:.1f} % off")
+    assert off < 0.12
+
+
+@pytest.mark.parametrize("radiance, brightest", [(1e-6, 0), (1.0, 1e7), (2e4, 3e7)], ids=["dim", "sun", "cd/m2"])
+@pytest.mark.parametrize("format", ["ktx2", "dds"])
+def test_half_floats_hold_all_light(tmp_path, format, radiance, brightest):
+    rng = np.random.default_rng(0)
+    faces = (radiance * rng.uniform(0.5, 1, (6, 32, 32, 3))).astype(np.float32)
+    faces[4, 8, 8] += brightest
+    cube = fastibl.CubeMap(faces)
+    with pytest.warns(UserWarning, match="intensity of light.json"):
+        manifest = fastibl.export_light(cube, tmp_path, size=32, levels=3, format=format)
+    assert manifest["intensity"] != 1 and np.log2(manifest["intensity"]) % 1 == 0
+    back = fastibl.read_environment(tmp_path / f"environment.{format}", axes="gltf").faces * manifest["intensity"]
+    np.testing.assert_allclose(back, cube.faces, rtol=1 / 1000)
+    whole = fastibl.Lighting(cube).irradiance_cube(16).faces
+    irradiance = fastibl.read_environment(tmp_path / f"irradiance.{format}", axes="gltf").faces * manifest["intensity"]
+    np.testing.assert_allclose(irradiance.max(), whole.max(), rtol=0.01)
+    if brightest:
+        with pytest.warns(UserWarning, match="65504.* lacks 0.*exr") as told:
+            fastibl.write_environment(tmp_path / f"alone.{format}", cube)
+        assert told[0].filename == __file__
+        lost = float(str(told[0].message).split("lacks ")[1].split()[0])
+        alone = fastibl.read_environment(tmp_path / f"alone.{format}").faces
+        assert lost == pytest.approx(
+            1 - (alone.sum(axis=(0, 1, 2)) / faces.sum(axis=(0, 1, 2), dtype=float)).min(), abs=0.01
+        )
+    same_error(
+        lambda: fastibl.export_light(cube, tmp_path, size=16, levels=9, format=format),
+        ValueError,
+        "5 levels",
+        "16",
+        "9",
+    )
 
 
 @pytest.mark.parametrize("radiance", [1e-9, 1e-4, 1.0, 1e6])
@@ -404,7 +484,7 @@ def test_command(marked, tmp_path, capsys):
     ):
         assert __main__.main(["export", *wrong, "--out", str(out)]) == 2
         assert "fastibl: error:" in capsys.readouterr().err
-    for stop, code in ((["--help"], 0), (["a.hdr", "--axes", "unity"], 2)):
+    for stop, code in ((["--help"], 0), (["a.hdr", "--axes", "maya"], 2)):
         with pytest.raises(SystemExit) as caught:
             __main__.main(["export", *stop])
         assert caught.value.code == code
@@ -414,8 +494,9 @@ def test_command(marked, tmp_path, capsys):
 def test_bad_input_is_refused(marked, tmp_path, monkeypatch):
     write = fastibl.write_environment
     same_error(lambda: write(tmp_path / "a.hdr", marked, "dice"), ValueError, "dice", *LAYOUTS)
-    same_error(lambda: write(tmp_path / "a.hdr", marked, axes="unity"), ValueError, "unity", "gltf")
-    same_error(lambda: write(tmp_path / "a.png", marked), ValueError, "a.png", ".exr")
+    same_error(lambda: write(tmp_path / "a.hdr", marked, axes="maya"), ValueError, "maya", "gltf", "unity")
+    same_error(lambda: write(tmp_path / "a.png", marked), ValueError, "a.png", ".exr", ".ktx2", ".dds")
+    same_error(lambda: fastibl.write_usd(tmp_path / "a.usda", marked, axes="unity"), ValueError, "unity", "marker")
     same_error(lambda: write(tmp_path / "a.hdr", marked, "strip", height=8), ValueError, "height", "strip")
     same_error(lambda: fastibl.read_environment(tmp_path / "none.exr"), FileNotFoundError, "none.exr")
     same_error(lambda: fastibl.export_light(marked, tmp_path, format="png"), ValueError, "png")

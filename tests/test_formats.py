@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from hypothesis import given
-from test_export import gltf, opengl_lookup
+from test_export import AXES, gltf, in_axes, opengl_lookup
 
 import fastibl
 from conftest import same_error, units
@@ -40,16 +40,19 @@ def with_alpha(faces):
     return np.concatenate([faces, np.ones_like(faces[..., :1])], axis=-1)
 
 
-@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("handedness", ["left", "right"])
 def test_ktx2_and_dds_lie_where_they_are_looked_up(marked, tmp_path, axes, handedness):
     path = tmp_path / "m.ktx2"
     assert fastibl.write_environment(path, marked, axes=axes, handedness=handedness) == [path]
     (faces,) = ktx2.read_ktx2(path)
-    (tmp_path / "m.dds").write_bytes(dds([with_alpha(faces)], "<f2"))
+    fastibl.write_environment(tmp_path / "m.dds", marked, axes=axes, handedness=handedness)
+    data = (tmp_path / "m.dds").read_bytes()
+    assert struct.unpack_from("<I", data, 20)[0] == 32 * 8  # bytes of a row, which some writers leave out
+    assert data[:20] + bytes(4) + data[24:] == dds([with_alpha(faces)], "<f2")
     for d in away_from_edges():
-        x, y, z = gltf(d) if axes == "gltf" else d
-        at = (-x, y, z) if handedness == "left" else (x, y, z)
+        x, y, z = in_axes(d, axes)
+        at = (x, y, z) if (handedness == "left") == (axes == "unity") else (-x, y, z)
         np.testing.assert_allclose(opengl_lookup(faces, at), opengl_lookup(marked.faces, d), rtol=1e-3)
     same_error(lambda: fastibl.write_environment(path, marked, "strip"), ValueError, "layout", "m.ktx2")
     same_error(lambda: fastibl.write_environment(path, marked, height=8), ValueError, "height", "m.ktx2")
@@ -175,12 +178,12 @@ def test_encoded_pictures_need_their_response(tmp_path, ending, kind):
     same_error(lambda: fastibl.read_environment(tmp_path / "a.hdr", response=response), ValueError, "linear")
 
 
-@pytest.mark.parametrize("axes", ["marker", "gltf"])
+@pytest.mark.parametrize("axes", AXES)
 def test_spherical_harmonics_of_each_convention(marked, tmp_path, axes):
     """Evaluated as the renderers do, against a sum over all texels."""
     n = units(100)
     true = reference.irradiance(fastibl.CubeMap(marked.faces), n)
-    x, y, z = np.moveaxis(gltf(n) if axes == "gltf" else n, -1, 0)
+    x, y, z = np.moveaxis(in_axes(n, axes), -1, 0)
     bare = np.stack([np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y], axis=-1)
 
     fastibl.write_sh(tmp_path / "sh.txt", marked, axes=axes)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import shutil
-import struct
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl import reference
 from fastibl.axes import handed, to_axes
+from fastibl.dds import write_dds
 from fastibl.expected import present
 from fastibl.room import Room
 
@@ -121,7 +121,7 @@ def _export(cube: fastibl.CubeMap, folder: Path) -> None:
     fastibl.write_environment(folder / "environment.hdr", cube, axes="gltf")
     fastibl.write_environment(folder / "cross.exr", cube, "cross", axes="gltf")
     levels = fastibl.Lighting(to_axes(cube, "gltf")).prefiltered(128, 8)
-    _write_dds(folder / "environment.dds", [handed(present(level), "left") for level in levels])
+    write_dds(folder / "environment.dds", [handed(present(level), "left").faces for level in levels])
 
 
 def _by_usd(root: Path, true: dict[str, NDArray], normals: NDArray) -> Iterator[Goal]:
@@ -255,15 +255,6 @@ def _by_web(
 def _as_we_read(path: Path, normals: NDArray) -> NDArray:
     """Irradiance of a file as `read_environment` reads it, at normals in glTF's axes."""
     return _irradiance(reference.samples(fastibl.read_environment(path, axes="gltf")), normals @ _GLTF)
-
-
-def _write_dds(path: Path, levels: list[fastibl.CubeMap]) -> None:
-    """Writes a DDS cube of half floats by Microsoft's guide, because fastibl itself only reads them."""
-    n = levels[0].size
-    header = struct.pack("<4s7I44x2I4s5I5I", b"DDS ", 124, 0x2100F, n, n, 0, 0, len(levels), 32, 4, b"DX10", 0, 0, 0, 0,
-                         0, 0x401008, 0xFE00, 0, 0, 0) + struct.pack("<5I", 10, 3, 4, 1, 0)  # fmt: skip
-    texels = [np.concatenate([level.faces, np.ones_like(level.faces[..., :1])], -1).astype("<f2") for level in levels]
-    path.write_bytes(header + b"".join(level[face].tobytes() for face in range(6) for level in texels))
 
 
 def _seen(result: dict, normals: NDArray) -> NDArray:

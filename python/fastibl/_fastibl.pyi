@@ -1163,7 +1163,7 @@ class BakedShadow:
     @property
     def tables(self) -> list:
         """
-        Three arrays of each of two tables: where the entries of each block begin, their cells, their covers (n, 16).
+        Five arrays of each of two tables: where the entries of each block begin, their cells, their covers (n, 16), where the runs of each block begin, and the runs (r, 2) of cells that cover it wholly.
         """
 class Scene:
     """

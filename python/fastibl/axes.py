@@ -1,4 +1,4 @@
-"""Axes by name: the marker frame (z up) and glTF's (y up), and cube maps turned from one to the other."""
+"""Axes by name: the marker frame (z up), glTF's (y up) and those of engines; and cube maps turned to them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,27 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment, texel_directions
 from .expected import expect
 
-# The matrices take a direction in the marker frame to one in the named axes: x stays, up becomes y, and what lies up
-# the board (marker +y) lies along -z, where a glTF or three.js camera looks.
+# The matrices take a direction in the marker frame to one in the named axes. glTF: x stays, up becomes y, and what lies
+# up the board (marker +y) lies along -z, where a glTF or three.js camera looks. Godot's axes are those of glTF. Unity's
+# are left-handed: its importers of glTF (UnityGLTF, glTFast) reverse x.
 _AXES = {
     "marker": np.eye(3, dtype=int),
     "gltf": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "godot": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "unity": np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]]),
 }
-# The same, but to the frame in which an equirectangular picture has u = 1/2 + atan2(x, y)/2 pi, v = acos(z)/pi. With
-# glTF's axes a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi, as three.js and Khronos' viewer read it.
+# The same, but to the frame in which an equirectangular picture has u = 1/2 + atan2(x, y)/2 pi, v = acos(z)/pi. In the
+# named axes, and from the top, v = acos(y)/pi and
+# - glTF: u = 1/2 + atan2(z, x)/2 pi, as three.js and Khronos' viewer read it;
+# - Godot: u = atan2(x, -z)/2 pi, as its PanoramaSkyMaterial reads it;
+# - Unity: u = 1/2 - atan2(z, x)/2 pi, as its shader Skybox/Panoramic reads it.
 _PICTURE = {
     "marker": np.eye(3, dtype=int),
     "gltf": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    "godot": np.array([[-1, 0, 0], [0, -1, 0], [0, 0, 1]]),
+    "unity": np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
 }
+_QUARTER = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # moves a picture right by a quarter of its width
 NAMES = tuple(_AXES)
 HANDEDNESS = ("left", "right")
 
@@ -80,12 +89,23 @@ def from_axes(cube: CubeMap, axes: str) -> CubeMap:
     return turned(cube, matrix(axes).T)
 
 
-def handed(cube: CubeMap, handedness: str) -> CubeMap:
-    """A right-handed map as one whose cube coordinates are left-handed or right-handed, or the reverse.
+def picture_shift(axes: str, to: str) -> int:
+    """By how many quarters of its width an equirectangular picture in the named axes moves right to be one in `to`."""
+    turn = matrix(to, picture=True) @ matrix(axes, picture=True).T
+    return next(k for k in range(4) if (np.linalg.matrix_power(_QUARTER, k) == turn).all())
 
-    "left": x is mirrored, as three.js and Babylon.js look up cube textures, and each face looks as seen from inside.
-    Raises ValueError for another name.
+
+def handedness_of(axes: str) -> str:
+    """Of the axes themselves, "right" or "left"."""
+    return "left" if np.linalg.det(matrix(axes)) < 0 else "right"
+
+
+def handed(cube: CubeMap, handedness: str, axes: str = "gltf") -> CubeMap:
+    """A map of the named axes as one whose cube coordinates are left-handed or right-handed, or the reverse.
+
+    Where the axes are not so, x is mirrored: "left", as three.js and Babylon.js look up cube textures, with each face
+    as seen from inside. Raises ValueError for another name.
     """
     if handedness not in HANDEDNESS:
         raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
-    return turned(cube, np.diag([-1, 1, 1])) if handedness == "left" else cube
+    return cube if handedness == handedness_of(axes) else turned(cube, np.diag([-1, 1, 1]))

@@ -1,14 +1,15 @@
 """DDS files (.dds): cube maps of floats with their MIP levels.
 
 Microsoft, Programming Guide for DDS, https://learn.microsoft.com/windows/win32/direct3ddds/dx-graphics-dds-pguide.
-Faces and levels here are as they lie in the file: +x -x +y -y +z -z, row 0 on top. Plain texels are read here, because
-no maintained library reads them; BC6H is read by OpenImageIO.
+Faces and levels here are as they lie in the file: +x -x +y -y +z -z, row 0 on top. Plain texels are read and written
+here, because no maintained library does it; BC6H is read by OpenImageIO.
 """
 
 from __future__ import annotations
 
 import os
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,15 @@ from numpy.typing import NDArray
 
 from . import texels
 from .file_limits import check_pixels, file_bytes
+from .whole_file import write_whole
 
 _HEADER = struct.Struct("<4s7I44x2I4s5I5I")
 _DX10 = struct.Struct("<5I")
+_RGBA16F = 10  # DXGI_FORMAT_R16G16B16A16_FLOAT
 _DXGI = {
     2: "rgba32f",
     6: "rgb32f",
-    10: "rgba16f",
+    _RGBA16F: "rgba16f",
     26: "r11g11b10f",
     67: "rgb9e5",
     95: "bc6h",
@@ -30,6 +33,30 @@ _DXGI = {
 }  # DXGI_FORMAT
 _D3D9 = {113: "rgba16f", 116: "rgba32f"}  # D3DFORMAT, which stands in place of a FourCC
 _CUBE, _ALL_FACES, _DX10_CUBE = 0x200, 0xFC00, 0x4
+_FIELDS = 0x2100F  # caps, height, width, pitch, pixel format and number of levels are given
+_FOURCC, _TEXTURE_2D = 0x4, 3
+_COMPLEX, _TEXTURE, _MIPMAP = 0x8, 0x1000, 0x400000
+
+
+def write_dds(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32]]) -> None:
+    """Writes a cube map of half floats (R16G16B16A16_FLOAT, alpha 1), with Direct3D 10's header.
+
+    levels: faces (6, n, n, 3), each half as wide as the one before (n >> k, at least 1). Values above 65504 are cut to
+    that. Raises ValueError for other shapes.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".dds":
+        raise ValueError(f"{path} must end in .dds")
+    size = texels.check_levels(levels)
+    pitch = size * texels.BYTES["rgba16f"]
+    header = _HEADER.pack(
+        b"DDS ", 124, _FIELDS, size, size, pitch, 0, len(levels), 32, _FOURCC, b"DX10", 0, 0, 0, 0, 0,
+        _COMPLEX | _TEXTURE | _MIPMAP, _CUBE | _ALL_FACES, 0, 0, 0,
+    )  # fmt: skip
+    header += _DX10.pack(_RGBA16F, _TEXTURE_2D, _DX10_CUBE, 1, 0)
+    # Face by face, each with its levels.
+    body = b"".join(texels.encode_rgba16f(np.asarray(level[face], np.float32)) for face in range(6) for level in levels)
+    write_whole(path, header + body)
 
 
 def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import dds, ktx2
+from . import dds, ktx2, texels
 from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equirect_from_cubemap
-from .axes import from_axes, handed, matrix, radiance_of, to_axes, turned
+from .axes import from_axes, handed, handedness_of, matrix, picture_shift, radiance_of, to_axes, turned
 from .expected import expect
-from .pictures import read_picture, write_picture
+from .pictures import LINEAR, read_picture, write_picture
 
 LAYOUTS = ("equirect", "faces", "strip", "cross")
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
+CUBE_WRITERS = {".ktx2": ktx2.write_ktx2, ".dds": dds.write_dds}
 _CUBE_READERS = {".ktx2": ktx2.read_ktx2, ".dds": dds.read_dds}
 _CROSS = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 1), (1, 3))  # row and column of each face in the cross
 
@@ -32,12 +34,13 @@ def read_environment(
 
     path: a picture may be equirectangular, twice as wide as high, or a cube map laid out as by `write_environment`: a
     strip, a cross, or the first of six faces (..._px.hdr, or px.hdr, as three.js' examples name them).
-    axes: those in which the map was made, "marker" (z up, image centre along +y) or "gltf" (y up, image centre along
-    +x).
+    axes: those in which the map was made, "marker" (z up, image centre along +y), "gltf" (y up, image centre along
+    +x), "godot" or "unity", see `write_environment`.
     size: face edge in texels for an equirectangular picture; cube faces keep their own.
     response: the camera's response, or another encoding, for .png and .jpg, such as Response.srgb(); its white becomes
     radiance 1, and what was brighter is lost.
-    handedness: that of cube maps, see `write_environment`; by default "left" for .ktx2 and .dds, "right" for pictures.
+    handedness: that of cube maps, see `write_environment`; by default "left" for .ktx2 and .dds, for pictures that of
+    the axes.
     Raises FileNotFoundError; ValueError for a file that is not such a map, is damaged, or is larger than
     fastibl.file_limits allows, and for a handedness given for an equirectangular picture; ImportError for .exr without
     OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
@@ -49,7 +52,7 @@ def read_environment(
         if response is not None:
             raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
         faces = _CUBE_READERS[path.suffix.lower()](path)[0]
-        return from_axes(handed(CubeMap(faces), "left" if handedness is None else handedness), axes)
+        return from_axes(handed(CubeMap(faces), "left" if handedness is None else handedness, axes), axes)
     image = read_picture(path, response)
     height, width = image.shape[:2]
     if width == 2 * height:
@@ -68,7 +71,8 @@ def read_environment(
             f"{path} is {width} x {height}; an equirectangular picture is twice as wide as high, a strip of cube faces "
             "1 x 6, a cross 4 x 3; of six square faces give the first, of _px, _nx, _py, _ny, _pz, _nz, or px, nx, ..."
         )
-    return from_axes(handed(CubeMap(faces), "right" if handedness is None else handedness), axes)
+    handedness = handedness_of(axes) if handedness is None else handedness
+    return from_axes(handed(CubeMap(faces), handedness, axes), axes)
 
 
 def from_equirect(image: NDArray[np.float32], size: int, axes: str) -> CubeMap:
@@ -86,10 +90,8 @@ def read_equirect(path: Path, response: Response | None) -> NDArray[np.float32] 
 
 def turn_equirect(image: NDArray[np.float32], axes: str, to: str) -> NDArray[np.float32] | None:
     """The picture in other axes, moved by whole pixels; None where a quarter turn is not a whole number of pixels."""
-    if axes == to:
-        return image
-    quarter, rest = divmod(image.shape[1], 4)
-    return None if rest else np.roll(image, quarter if to == "marker" else -quarter, axis=1)
+    shift, rest = divmod(picture_shift(axes, to) * image.shape[1], 4)
+    return None if rest else np.roll(image, shift, axis=1) if shift else image
 
 
 def _check_no_handedness(handedness: str | None, path: Path) -> None:
@@ -120,19 +122,23 @@ def write_environment(
 ) -> list[Path]:
     """Writes an environment map and returns the files; the ending of the path sets the format.
 
-    .hdr (to 1/256 of a pixel's brightest channel) or .exr (exactly): a picture, laid out as `layout` says. .ktx2: a
-    cube map of half floats (to 1/2048, up to 65504).
+    .hdr (to 1/256 of a pixel's brightest channel) or .exr (exactly): a picture, laid out as `layout` says. .ktx2, .dds:
+    a cube map of half floats (to 1/2048, up to 65504); what is brighter is cut, with a warning.
 
     axes: "marker", z up: an equirectangular picture has z at the top, its centre along +y, and x to the right of the
     centre. "gltf", y up, as in three.js and Khronos' viewer: a direction (x, y, z) of the marker frame becomes (x, z,
-    -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi.
+    -y), and a picture has u = 1/2 + atan2(z, x)/2 pi, v = acos(y)/pi. "godot": the same axes, but u = atan2(x, -z)/
+    2 pi, as its PanoramaSkyMaterial reads pictures. "unity", y up and left-handed: (-x, z, -y) of the marker frame,
+    where UnityGLTF and glTFast put what a glTF file has there; u = 1/2 - atan2(z, x)/2 pi, as Skybox/Panoramic reads
+    pictures.
     layout: "equirect", 2 height x height pixels, by default 4 x 2 face edges. Or cube faces in the axes' own order
     +x -x +y -y +z -z with OpenGL's orientation (row 0 of the side faces is y = +1, of +y z = -1, of -y z = +1):
     "faces", six files ..._px, _nx, _py, _ny, _pz, _nz; "strip", one below the other; "cross", -x +z +x -z in the middle
     row, +y above and -y below +z, the rest black.
-    handedness: that of cube maps. "left", the default for .ktx2, as that format requires and as three.js and Babylon.js
-    look up cube textures: a direction (x, y, z) of the axes is the cube coordinate (-x, y, z), and faces look as seen
-    from inside. "right", the default for pictures: the cube coordinate is (x, y, z), as described above.
+    handedness: that of cube maps' coordinates. By default, those of pictures are the axes' own, (x, y, z) as described
+    above; those of .ktx2 and .dds are "left", with faces as seen from inside, as these formats require. Where the axes
+    are the other way round, a direction (x, y, z) is the cube coordinate (-x, y, z): so three.js and Babylon.js look up
+    cube textures.
     Raises TypeError for what is not a map, ValueError for another layout, axes, handedness or ending, and for a
     handedness given for an equirectangular picture, ImportError for .exr without OpenEXR.
     """
@@ -142,18 +148,33 @@ def write_environment(
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {layout!r}")
     if layout != "equirect" and height is not None:
         raise ValueError(f'height goes with layout "equirect", not "{layout}"')
-    if path.suffix.lower() == ".ktx2":
+    ending = path.suffix.lower()
+    if ending in CUBE_WRITERS:
         if height is not None or layout != "equirect":
-            raise ValueError(f"layout and height go with pictures, not {path.name}: .ktx2 is a cube map as it is")
-        ktx2.write_ktx2(path, [handed(to_axes(radiance, axes), "left" if handedness is None else handedness).faces])
+            raise ValueError(f"layout and height go with pictures, not {path.name}: {ending} is a cube map as it is")
+        faces = handed(to_axes(radiance, axes), "left" if handedness is None else handedness, axes).faces
+        if (lost := _cut_share(faces)) > 0:
+            warnings.warn(
+                f"half floats end at {texels.HALF_MAX:.0f}, the map at {faces.max():.3g}: {path.name} lacks {lost:.2g} "
+                "of its light; .exr and .hdr hold all of it",
+                stacklevel=2,
+            )
+        CUBE_WRITERS[ending](path, [faces])
         return [path]
+    if ending not in LINEAR:
+        raise ValueError(f"{path} must end in {', '.join([*LINEAR, *CUBE_WRITERS])}")
     if layout == "equirect":
         _check_no_handedness(handedness, path)
         write_equirect(path, turned(radiance, matrix(axes, picture=True)), height)
         return [path]
-    return _write_faces(
-        path, handed(to_axes(radiance, axes), "right" if handedness is None else handedness).faces, layout
-    )
+    handedness = handedness_of(axes) if handedness is None else handedness
+    return _write_faces(path, handed(to_axes(radiance, axes), handedness, axes).faces, layout)
+
+
+def _cut_share(faces: NDArray[np.float32]) -> float:
+    """Share of the light that half floats do not hold, of the channel that loses most."""
+    cut, whole = (f.astype(np.float64).sum(axis=(0, 1, 2)) for f in (np.minimum(faces, texels.HALF_MAX), faces))
+    return float((1 - cut[whole > 0] / whole[whole > 0]).max(initial=0))
 
 
 def write_equirect(path: Path, cube: CubeMap, height: int | None) -> None:

@@ -5,26 +5,28 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import texels
+from . import usd as usd_files
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
-from .axes import HANDEDNESS, from_axes, handed, matrix, radiance_of, to_axes
-from .environment_files import FACES, write_environment, write_faces
+from .axes import HANDEDNESS, from_axes, handed, handedness_of, matrix, radiance_of, to_axes
+from .environment_files import CUBE_WRITERS, FACES, write_environment, write_faces
 from .gltf_light import write_gltf_light
-from .ktx2 import write_ktx2
 from .lighting import Lighting, without_lights
-from .pictures import write_picture
+from .pictures import LINEAR, write_picture
 from .sh_files import CONVENTIONS, rounded, write_sh
-from .usd import write_usd
 
-FORMATS = ("hdr", "exr", "ktx2")
+_CUBES = tuple(ending[1:] for ending in CUBE_WRITERS)  # of half floats, with their levels
+FORMATS = (*(ending[1:] for ending in LINEAR), *_CUBES)
+_USUAL = (2**-10, np.inf)  # mean radiance of maps that are written as half floats as they are
 _SH_FILES = {"filament": ("sh.txt", "sh.json"), "three.js": ("probe.txt", "probe.json")}
 
 SH_BASIS = (
@@ -57,14 +59,17 @@ def export_light(
 ) -> dict[str, Any]:
     """Writes what a renderer needs to light with a map, and light.json, which describes the files; returns its content.
 
-    axes: "gltf" (y up, as three.js and Filament) or "marker" (z up); everything is turned to these axes except
-    light.glb, which is y up as glTF asks, and light.usda's picture, which is in the frame of its dome: light.json says
-    each file's axes.
+    axes: "gltf" (y up, as three.js and Filament), "marker" (z up), "unity" or "godot", see write_environment;
+    everything is turned to these axes, harmonics and lights included, except light.glb, which is y up as glTF asks,
+    light.usda, which is y up for axes that no stage can have, and its picture, which is in the frame of its dome:
+    light.json says each file's axes.
     size, levels, mapping, error: of the GGX set, see Lighting.prefiltered.
     irradiance: face edge of the irradiance cube, which holds E(n) (pi for radiance 1).
     format: "hdr" or "exr": the map as an equirectangular picture environment.<format>, cubes laid out as `layout` says,
-    see write_environment. "ktx2": environment.ktx2, irradiance.ktx2, and all levels in one prefiltered.ktx2.
-    handedness: that of all cubes, as in write_environment.
+    see write_environment. "ktx2" or "dds", half floats: environment.ktx2, irradiance.ktx2, and all levels in one
+    prefiltered.ktx2. Light that half floats cannot hold (brighter than 65504, or 1/1024 in the mean) is divided by a
+    power of two, with a warning: the "intensity" of light.json, which a renderer multiplies these cubes by.
+    handedness: that of all cubes' coordinates, as in write_environment.
     sh: which conventions of `write_sh` to write, as sh.txt and sh.json ("filament"), probe.txt and probe.json
     ("three.js").
     gltf: whether to write light.glb, see `write_gltf_light`; usd: whether to write light.usda, see `write_usd`.
@@ -84,10 +89,12 @@ def export_light(
         if convention not in CONVENTIONS:
             raise ValueError(f"sh must be of {', '.join(CONVENTIONS)}, got {convention!r}")
     if handedness is None:
-        handedness = "left" if format == "ktx2" else "right"
+        handedness = "left" if format in _CUBES else handedness_of(axes)
     if handedness not in HANDEDNESS:
         raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
-    if picture is not None and (format == "ktx2" or np.shape(picture)[1:] != (2 * len(picture), 3)):
+    if format in _CUBES:
+        texels.check_level_count(levels, size)
+    if picture is not None and (format in _CUBES or np.shape(picture)[1:] != (2 * len(picture), 3)):
         raise ValueError(f"picture must be (h, 2 h, 3), of format hdr or exr, got {np.shape(picture)}, {format}")
     radiance = radiance_of(cube)
     alphas = _level_parameters(mapping, levels)
@@ -103,8 +110,9 @@ def export_light(
         "axes": axes,
         "axes_from_marker": matrix(axes).tolist(),
         "faces": list(FACES),
-        "layout": layout if format != "ktx2" else "ktx2",
+        "layout": format if format in _CUBES else layout,
         "handedness": handedness,
+        "intensity": 1.0,
         "environment": f"environment.{format}",
         "sh9": {"basis": SH_BASIS, "radiance": rounded(lighting.sh9)},
         "lights": [_light(light) for light in lights],
@@ -112,17 +120,19 @@ def export_light(
         "environment_without_lights": f"environment_without_lights.{format}" if lights_apart else None,
         "centre": list(placed.centre) if isinstance(placed, Environment) else None,
     }
-    written: dict[str, Any] = {"handedness": handedness} if format == "ktx2" else {"height": 2 * radiance.size}
-    diffuse, *made = (handed(level, handedness) for level in (diffuse, *made))
+    diffuse, *made = (handed(level, handedness, axes) for level in (diffuse, *made))
+    maps = {f"environment.{format}": radiance} | ({f"environment_without_lights.{format}": lit} if lights_apart else {})
     with _written_whole(Path(folder)) as part:
-        if picture is None:
-            write_environment(part / f"environment.{format}", radiance, axes=axes, **written)
+        if format in _CUBES:
+            cubes_of_maps = {name: handed(to_axes(m, axes), handedness, axes) for name, m in maps.items()}
+            cubes, manifest["intensity"] = _write_cubes(part, cubes_of_maps, diffuse, made, format)
         else:
-            write_picture(part / f"environment.{format}", _clean(picture))
-        if lights_apart:
-            write_environment(part / f"environment_without_lights.{format}", lit, axes=axes, **written)
-        write_cubes = _write_ktx2 if format == "ktx2" else partial(_write_pictures, format=format, layout=layout)
-        cubes = write_cubes(part, diffuse, made)
+            if picture is not None:
+                write_picture(part / f"environment.{format}", _clean(picture))
+                del maps[f"environment.{format}"]
+            for name, m in maps.items():
+                write_environment(part / name, m, axes=axes, height=2 * radiance.size)
+            cubes = _write_pictures(part, diffuse, made, format, layout)
         manifest["irradiance"] = {"size": irradiance, "files": cubes[0]}
         manifest["prefiltered"] = {
             "model": "D(theta/2) cos(theta) of GGX, normalised, view along the normal",
@@ -133,7 +143,8 @@ def export_light(
             ],
         }
         manifest["also"] = _write_others(part, lit, axes, size, error, format, sh, gltf, usd)
-        manifest["axes_of_files"] = {path.name: _AXES_OF.get(path.name, axes) for path in sorted(part.iterdir())}
+        axes_of = _AXES_OF | {"light.usda": _stage_axes(axes)}
+        manifest["axes_of_files"] = {path.name: axes_of.get(path.name, axes) for path in sorted(part.iterdir())}
         (part / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
     return manifest
 
@@ -159,10 +170,27 @@ def _write_pictures(folder: Path, diffuse: CubeMap, made: list[CubeMap], format:
     ]
 
 
-def _write_ktx2(folder: Path, diffuse: CubeMap, made: list[CubeMap]) -> list[list[str]]:
-    write_ktx2(folder / "irradiance.ktx2", [diffuse.faces])
-    write_ktx2(folder / "prefiltered.ktx2", [level.faces for level in made])
-    return [["irradiance.ktx2"]] + [["prefiltered.ktx2"]] * len(made)
+def _write_cubes(
+    folder: Path, maps: dict[str, CubeMap], diffuse: CubeMap, made: list[CubeMap], format: str
+) -> tuple[list[list[str]], float]:
+    """Writes cubes of half floats; returns the names as `_write_pictures` does, and what the texels are divided by."""
+    levels = {
+        **{name: [cube] for name, cube in maps.items()},
+        f"irradiance.{format}": [diffuse],
+        f"prefiltered.{format}": made,
+    }
+    brightest = max(float(cube.faces.max()) for cubes in levels.values() for cube in cubes)
+    mean = float(np.mean(next(iter(maps.values())).mean()))
+    intensity = texels.intensity(mean, brightest, texels.HALF_MAX, _USUAL)
+    if intensity != 1:
+        warnings.warn(
+            f"half floats do not hold this light, up to {brightest:.3g}, {mean:.3g} in the mean: all cubes hold it "
+            f"divided by {intensity:g}, the intensity of light.json",
+            stacklevel=3,
+        )
+    for name, cubes in levels.items():
+        CUBE_WRITERS[f".{format}"](folder / name, [np.float32(1 / intensity) * cube.faces for cube in cubes])
+    return [[f"irradiance.{format}"]] + [[f"prefiltered.{format}"]] * len(made), intensity
 
 
 def _write_others(
@@ -170,7 +198,7 @@ def _write_others(
     usd: bool,
 ) -> list[str]:  # fmt: skip
     """Writes what was asked for besides the maps; returns the names."""
-    also = []
+    also: list[str] = []
     for convention in sh:
         for name in _SH_FILES[convention]:
             write_sh(folder / name, radiance, convention, axes)
@@ -180,8 +208,12 @@ def _write_others(
         also.append("light.glb")
     if usd:
         picture = "exr" if format == "exr" else "hdr"
-        also += [path.name for path in write_usd(folder / "light.usda", radiance, axes, picture)]
+        also += [path.name for path in usd_files.write_usd(folder / "light.usda", radiance, _stage_axes(axes), picture)]
     return also
+
+
+def _stage_axes(axes: str) -> str:
+    return axes if axes in usd_files.AXES else "gltf"
 
 
 def _clean(picture: NDArray[np.float32]) -> NDArray[np.float32]:

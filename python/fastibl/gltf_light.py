@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import texels
 from ._fastibl import CubeMap, Environment, __version__
 from .axes import handed, radiance_of, to_axes
 from .lighting import Lighting
@@ -55,18 +56,11 @@ def write_gltf_light(
     # The extension's readers use left-handed cube coordinates, for the harmonics as well as for the faces.
     mirrored = [handed(level, "left").faces for level in levels if level is not None]
     harmonics = Lighting(handed(turned, "left")).sh9.astype(np.float64) * (COSINE * _PHASE)[:, None]
-    intensity = _intensity(float(np.mean(turned.mean())), max(float(faces.max()) for faces in mirrored[1:]))
+    brightest = max(float(faces.max()) for faces in mirrored[1:])  # of the rough levels
+    intensity = texels.intensity(float(np.mean(turned.mean())), brightest, _RANGE, _USUAL)
     # The faces are "flipped" because readers flip them back.
     pictures = [[_png(rgbd(face[::-1] / np.float32(intensity))) for face in faces] for faces in mirrored]
     _write(path, _light(size, harmonics / intensity, len(pictures), intensity), sum(pictures, []))
-
-
-def _intensity(mean: float, brightest: float) -> float:
-    """The number by which images are divided, a power of two. It follows from the map's mean radiance and the brightest
-    value of all rough levels."""
-    if _USUAL[0] <= mean <= _USUAL[1] and brightest <= _RANGE or mean == 0:
-        return 1.0
-    return float(2.0 ** np.ceil(np.log2(max(mean, brightest / _RANGE))))
 
 
 def rgbd(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

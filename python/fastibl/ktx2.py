@@ -36,13 +36,7 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
     path = Path(path)
     if path.suffix.lower() != ".ktx2":
         raise ValueError(f"{path} must end in .ktx2")
-    size = np.shape(levels[0])[1] if len(levels) and np.ndim(levels[0]) == 4 else 0
-    for k, level in enumerate(levels):
-        if np.shape(level) != (6, max(1, size >> k), max(1, size >> k), 3):
-            raise ValueError(f"level {k} must be (6, n, n, 3) with n = {max(1, size >> k)}, got {np.shape(level)}")
-    if not 1 <= len(levels) <= size.bit_length():
-        raise ValueError(f"expected 1 to {size.bit_length()} levels from faces of {size} texels, got {len(levels)}")
-
+    size = texels.check_levels(levels)
     descriptor = _descriptor()
     keys = b"".join(map(_key, ("KTXorientation", "KTXwriter"), ("rd", f"fastibl {__version__}")))
     at = _HEADER.size + _INDEX.size + _LEVEL.size * len(levels)

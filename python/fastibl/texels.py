@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,34 @@ def decode(data: bytes, name: str, shape: tuple[int, ...]) -> NDArray[np.float32
         return _rgb9e5(np.frombuffer(data, "<u4")).reshape(*shape, 3)
     kind, channels = ("<f2" if "16f" in name else "<f4"), (4 if "rgba" in name else 3)
     return np.ascontiguousarray(np.frombuffer(data, kind).reshape(*shape, channels)[..., :3], np.float32)
+
+
+def check_levels(levels: Sequence[NDArray[np.float32]]) -> int:
+    """The face edge of a cube map's largest level. Raises ValueError unless levels are faces (6, n, n, 3), each half as
+    wide as the one before (n >> k, at least 1)."""
+    size = np.shape(levels[0])[1] if len(levels) and np.ndim(levels[0]) == 4 else 0
+    for k, level in enumerate(levels):
+        if np.shape(level) != (6, max(1, size >> k), max(1, size >> k), 3):
+            raise ValueError(f"level {k} must be (6, n, n, 3) with n = {max(1, size >> k)}, got {np.shape(level)}")
+    check_level_count(len(levels), size)
+    return size
+
+
+def check_level_count(count: int, size: int) -> None:
+    """Raises ValueError where faces of `size` texels cannot have so many levels."""
+    if not 1 <= count <= size.bit_length():
+        raise ValueError(f"expected 1 to {size.bit_length()} levels from faces of {size} texels, got {count}")
+
+
+def intensity(mean: float, brightest: float, most: float, usual: tuple[float, float]) -> float:
+    """The number, a power of two, by which a map is divided to be stored where `most` is the largest value.
+
+    mean, brightest: of the map. usual: means that are stored as they are. Otherwise the mean becomes about 1, unless
+    the brightest value needs more.
+    """
+    if (usual[0] <= mean <= usual[1] and brightest <= most) or mean == 0:
+        return 1.0
+    return float(2.0 ** np.ceil(np.log2(max(mean, brightest / most))))
 
 
 def encode_rgba16f(faces: NDArray[np.float32]) -> bytes:

@@ -21,6 +21,7 @@ from .whole_file import write_whole
 # our equirectangular pictures (z up, middle along +y, +x to the right).
 _PICTURE_FROM_DOME = np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
 _UP = {"gltf": "Y", "marker": "Z"}
+AXES = tuple(_UP)
 # Takes the stage's frame to the dome's. In a stage with z up, UsdLuxDomeLight.OrientToStageUpAxis adds a rotation that
 # turns y to z.
 _DOME_FROM_STAGE = {"gltf": np.eye(3, dtype=int), "marker": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])}
@@ -47,7 +48,9 @@ def write_usd(
         raise ValueError(f"{path} must end in .usda")
     if f".{format}" not in LINEAR:
         raise ValueError(f'format must be "hdr" or "exr", got {format!r}')
-    stage_from_marker = matrix(axes)  # raises ValueError for unknown names
+    if axes not in AXES:
+        raise ValueError(f"axes must be one of {', '.join(AXES)}, which a stage can have, got {axes!r}")
+    stage_from_marker = matrix(axes)
     picture_from_marker = _PICTURE_FROM_DOME @ _DOME_FROM_STAGE[axes] @ stage_from_marker
     radiance = radiance_of(cube)
     picture = path.with_name(f"{path.stem}_dome.{format}")

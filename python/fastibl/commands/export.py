@@ -24,7 +24,10 @@ def add(commands: argparse._SubParsersAction) -> None:
         "environment", type=Path, metavar="MAP", help=".hdr, .exr, .ktx2, .dds, or .png, .jpg with --response"
     )
     p.add_argument("--out", type=Path, default=Path("light"), help="folder to write (default: %(default)s)")
-    p.add_argument("--axes", choices=NAMES, default="gltf", help="y up or z up (default: %(default)s)")
+    p.add_argument(
+        "--axes", choices=NAMES, default="gltf",
+        help="z up (marker), y up, or as these engines have them (default: %(default)s)",
+    )  # fmt: skip
     p.add_argument("--map-axes", choices=NAMES, default="marker", help="those of the map (default: %(default)s)")
     add_response(p)
     p.add_argument("--irradiance", type=int, default=16, help="face edge of the irradiance (default: %(default)s)")
@@ -33,19 +36,25 @@ def add(commands: argparse._SubParsersAction) -> None:
     levels.add_argument("--size", type=int, default=128, help="face edge of the sharpest (default: %(default)s)")
     levels.add_argument("--levels", type=int, default=7, help="of the GGX set (default: %(default)s)")
     levels.add_argument(
-        "--mapping", choices=("gltf", "filament"), default="gltf", help="of levels to roughness (default: %(default)s)"
+        "--mapping",
+        choices=("gltf", "filament", "unity"),
+        default="gltf",
+        help="of levels to roughness (default: %(default)s)",
     )
     levels.add_argument("--error", type=float, default=0.002, help="that maps stay below (default: %(default)s)")
 
     files = p.add_argument_group("files", "light.json, which is always written, says what is in them")
     files.add_argument(
-        "--format", choices=FORMATS, default="hdr", help="pictures, or one KTX 2 cube with its levels (default: hdr)"
+        "--format",
+        choices=FORMATS,
+        default="hdr",
+        help="pictures, or cubes of half floats with their levels (default: hdr)",
     )
     files.add_argument("--layout", choices=LAYOUTS[1:], default="strip", help="of cubes in pictures (default: strip)")
     files.add_argument(
         "--handedness", choices=HANDEDNESS,
-        help="of cubes: left, as three.js and Babylon.js look them up, or right, by (x, y, z) "
-        "(default: left of KTX 2, right of pictures)",
+        help="of cubes' coordinates; left is as three.js and Babylon.js look them up (default: left of ktx2 and dds, "
+        "the axes' own of pictures)",
     )  # fmt: skip
     files.add_argument(
         "--sh", nargs="+", choices=CONVENTIONS, default=(), help="also nine spherical harmonics as these take them"
@@ -67,6 +76,7 @@ def _face_edge(size: int, width: int) -> int:
 def run(arguments: argparse.Namespace) -> int:
     from ..environment_files import from_equirect, read_environment, read_equirect, turn_equirect
     from ..export import export_light
+    from ..pictures import LINEAR
 
     if arguments.size < 1:
         raise ValueError(f"size must be at least 1, got {arguments.size}")
@@ -75,7 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
         cube = read_environment(arguments.environment, axes=arguments.map_axes, response=arguments.response)
     else:
         cube = from_equirect(picture, _face_edge(arguments.size, picture.shape[1]), arguments.map_axes)
-        picture = None if arguments.format == "ktx2" else turn_equirect(picture, arguments.map_axes, arguments.axes)
+        is_picture = f".{arguments.format}" in LINEAR
+        picture = turn_equirect(picture, arguments.map_axes, arguments.axes) if is_picture else None
     manifest = export_light(
         cube,
         arguments.out,
