@@ -110,6 +110,16 @@ def test_what_cannot_be_used_is_named_and_passed_over():
     assert played[7].frame.back is None and played[7].frame.front is not None
 
 
+def test_a_clock_that_was_set_back():
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
+    session = fastibl.Session(scene, RIG, environment=fastibl.CubeMap(np.ones((6, 8, 8, 3))), cast_shadow=False)
+    pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.5], [0, 0, 0, 1.0]]))
+    frames = [Frame(t, noise(k), back_from_marker=pose) for k, t in enumerate((7200.0, 7200.1, 3600.0, 3600.1, 3599.9))]
+    played = list(play(session, Recording(RIG, frames)))
+    assert [p.result is not None for p in played] == [True, True, True, True, False]
+    assert "3.6e+03 s" in played[2].refused["time"] and "backwards" in played[4].refused["frame"]
+
+
 def test_a_session_outlives_everything():
     sound = fastibl.simulate(seconds=3, fps=10, size=(320, 240), path="sweep", hand=False, lamp=False, seed=1)
     frames, true = list(sound), sound.truth.environment(0.0)

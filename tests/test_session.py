@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -385,6 +386,31 @@ def test_time_is_checked_with_given_light_too():
     session.process(given(2.0))
     session.process(given(2.0))
     same_error(lambda: session.process(given(1.9)), ValueError, "backwards", "1.9", "2")
+
+
+def test_a_clock_that_starts_anew():
+    """As if a second had passed: bit by bit what a session makes of later times. The map is kept."""
+    film = fastibl.simulate(seconds=2, fps=8, size=(320, 240), hand=False, lamp=False, seed=1)
+    frames = list(film)
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
+    wrong, anew, later = (fastibl.Session(scene, film.rig, film.board, cast_shadow=False) for _ in range(3))
+    for frame in frames[:8]:
+        wrong.process(frame), anew.process(frame), later.process(frame)
+    nothing = np.zeros_like(frames[0].back)
+    with pytest.warns(UserWarning, match="are in seconds.*restart_clock") as told:
+        wrong.process(fastibl.Frame(4e9, nothing))
+    assert told[0].filename == __file__
+    same_error(lambda: wrong.process(frames[8]), ValueError, "backwards", "4e+09")
+    wrong.restart_clock()
+    made = [wrong.process(frame) for frame in frames[8:]]
+    assert max(r.environment.coverage for r in made) > 0.1 and made[-1].back_from_marker is not None
+
+    anew.restart_clock()
+    for frame in frames[8:]:
+        a = anew.process(replace(frame, time=frame.time - 0.5))
+        b = later.process(replace(frame, time=frame.time - frames[8].time + frames[7].time + 1))
+        np.testing.assert_array_equal(a.image, b.image)
+        np.testing.assert_array_equal(a.environment.radiance.faces, b.environment.radiance.faces)
 
 
 def test_a_failing_detector_passes_its_error_on():

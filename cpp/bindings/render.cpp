@@ -265,6 +265,10 @@ Without a board in view nothing covers the picture, and the ratio is 1.)")
           "Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is not a "
           "pose.")
       .def(
+          "restart_clock", [](Session& s) { alone(s, [&] { s.restart_clock(); }); },
+          "Let the next frame have any time: a camera's clock was set, or one frame had a wrong "
+          "time. The map is kept; what was captured counts as a second older.")
+      .def(
           "_set_cast_shadow",
           [](Session& s, bool cast) { alone(s, [&] { s.set_cast_shadow(cast); }); },
           py::arg("cast"))

@@ -1913,6 +1913,10 @@ class _Session:
         """
         Move the object: Pose or (4, 4) float64, metres. Raises ValueError for what is not a pose.
         """
+    def restart_clock(self) -> None:
+        """
+        Let the next frame have any time: a camera's clock was set, or one frame had a wrong time. The map is kept; what was captured counts as a second older.
+        """
     def set_budgets(self, error: typing.SupportsFloat | typing.SupportsIndex = 0.0, milliseconds: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         """
         Keep to other budgets from the next frame on; 0 means no budget. Raises ValueError for values that are negative or not finite.

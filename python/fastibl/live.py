@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,12 +16,14 @@ from .recording import Frame
 from .session import Session
 
 _ROWS = 61  # step between the rows that are compared first
+_SET_BACK = 1.0  # seconds by which a frame is earlier than the last where a clock was set
 
 
 @dataclass(frozen=True)
 class Played:
     """A frame as it was used, and the session's result. result: None where nothing of the frame could be used. refused:
-    by "back", "front" or "frame", the reason why this picture or the whole frame was left out."""
+    by "back", "front" or "frame", the reason why this picture or the whole frame was left out; by "time", how a clock
+    was set back."""
 
     frame: Frame
     result: FrameResult | None
@@ -73,15 +76,20 @@ def play(session: Session, source: Any) -> Generator[Played, None, None]:
     """Processes a live source's frames one by one; what cannot be used is left out and named, and the session goes on.
 
     A picture whose size is not the camera's, or that repeats the last one to the bit, is left out; the other camera's
-    picture is still used. A frame that the session refuses (time that runs backwards) is skipped as a whole.
+    picture is still used. A frame that the session refuses is skipped as a whole, also one that is up to a second
+    earlier than the last; where the camera's clock was set back by more, times start anew.
     """
-    watch = _Watch(source.rig)
+    watch, last = _Watch(source.rig), -math.inf
     for frame in source:
         used, refused = watch.usable(frame)
         result = None
         if used.back is not None or used.front is not None:
+            if frame.time < last - _SET_BACK:
+                session.restart_clock()
+                refused["time"] = f"set back by {last - frame.time:.3g} s: times start anew"
             try:
                 result = session.process(used)
+                last = frame.time
             except (ValueError, TypeError) as error:
                 refused["frame"] = str(error)
         yield Played(used, result, refused)

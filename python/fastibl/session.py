@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
@@ -34,6 +35,7 @@ from .recording import Frame
 from .tracking import detect
 
 Methods = str | Mapping[str, str | Method] | _Methods
+_FAR = 1e6  # seconds from one frame to the next, 11 days, that are rather nanoseconds or a slip
 
 
 def make_plan(
@@ -197,6 +199,7 @@ class Session(_Session):
         resolved = resolve_methods(methods)
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
         self._given_poses = GivenPoses(rig.back, board)
+        self._last_time: float | None = None  # of a frame
         if cast_shadow:
             bake_shadow(scene, resolved.shadow)
         super().__init__(
@@ -227,10 +230,16 @@ class Session(_Session):
         """Processes one frame: pictures, exposures and, optionally, the pose and the attitude measured by a gyroscope.
 
         Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
-        runs backwards, an attitude that is no rotation, or a frame with neither picture nor pose; TypeError for other
-        dtypes.
+        runs backwards (see `restart_clock`), an attitude that is no rotation, or a frame with neither picture nor pose;
+        TypeError for other dtypes. Warns of a time that is days after the last frame's.
         """
         expect(frame, Frame, "frame")
+        if self._last_time is not None and frame.time - self._last_time > _FAR:
+            warnings.warn(
+                f"the frame's time is {frame.time - self._last_time:.3g} s after the last one's: times are in seconds; "
+                "where this one was wrong, session.restart_clock() takes others again",
+                stacklevel=2,
+            )
         result = self._process(
             frame.time,
             frame.back,
@@ -241,6 +250,7 @@ class Session(_Session):
             frame.back_last_row,
             frame.attitude,
         )
+        self._last_time = frame.time
         if frame.back_from_marker is not None and self._given_poses.due:
             vertices = self._drawn.mesh.vertices
             middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
@@ -248,6 +258,14 @@ class Session(_Session):
             drawn = bool(self.object.rgba[..., 3].any())
             self._given_poses.ask(present(result.back_from_marker), frame.back, places, drawn)
         return result
+
+    def restart_clock(self) -> None:
+        """Let the next frame have any time: a camera's clock was set, or one frame had a wrong time.
+
+        The map is kept; what was captured counts as a second older.
+        """
+        super().restart_clock()
+        self._last_time = None
 
     def set_scene(self, scene: Scene) -> None:
         """Draw another object from the next frame on, in the light captured so far; the map's centre stays.

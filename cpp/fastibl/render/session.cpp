@@ -454,11 +454,10 @@ PictureLayers Session::layers() {
                         holdout());
 }
 
-FrameResult Session::process(const Frame& frame) {
-  check_frame(frame, rig_);
-  check(!last_time_ || frame.time >= *last_time_, "time must not run backwards: ", frame.time,
-        " s after ", last_time_.value_or(0), " s");
-  last_time_ = frame.time;
+FrameResult Session::process(const Frame& given) {
+  check_frame(given, rig_);
+  Frame frame = given;
+  frame.time = clock_.at(given.time);
   if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
   using Loops = OneThread::Loops;
   // A time budget counts the processor's time.

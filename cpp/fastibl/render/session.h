@@ -11,6 +11,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/plan/plan.h"
 #include "fastibl/render/frame.h"
+#include "fastibl/render/frame_clock.h"
 #include "fastibl/render/light_shares.h"
 #include "fastibl/render/light_stream.h"
 #include "fastibl/render/light_turns.h"
@@ -64,6 +65,9 @@ class Session {
           std::unique_ptr<Renderer> renderer, SessionOptions options = {});
 
   FrameResult process(const Frame& frame);
+  // The next frame may have any time: a camera's clock was set, or a frame had a wrong one. What
+  // was captured counts as a second older.
+  void restart_clock() { clock_.restart(); }
 
   const Plan& plan() const { return plan_; }
   const SessionOptions& options() const { return options_; }
@@ -143,7 +147,7 @@ class Session {
   bool in_turns_ = false;  // this frame
   float light_lag_ = 0;    // relative change of the light from one of its turns to the next
   Products held_ = 0;      // what pictures made stale, held until the light's turn
-  std::optional<double> last_time_;
+  FrameClock clock_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<LightMeter> meter_;
   std::optional<Pose> drawn_from_;    // the last picture
