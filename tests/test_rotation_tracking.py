@@ -551,6 +551,24 @@ def test_surroundings_are_followed_whatever_the_front_camera_makes_of_light(film
     assert counts[0] > 10 and abs(counts[1] - counts[0]) <= 2
 
 
+@pytest.mark.parametrize("degrees", [30.0, 170.0])
+def test_board_turned_under_cameras_that_stand_still(degrees):
+    """Seen from the board, they go around it, as far from it as the nearest surroundings that a turn is told by."""
+    place, still = TurnedPlace(textured()), fastibl.Pose.look_at((0.0, -1.2, 0.9), (0, 0, 0))
+
+    def path(time):
+        place.turned = np.radians(degrees) * np.clip((time - 0.7) / 1.0, 0, 1)
+        turn = np.eye(4)
+        turn[:3, :3] = about_z(place.turned)
+        return still @ fastibl.Pose(turn)
+
+    film = simulate(place, seconds=2.6, fps=12, size=(640, 480), hand=False, lamp=False, path=path)
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    when = [frame.time for frame in film if session.process(frame).board_moved]
+    print(f"{degrees:g} degrees: noticed {', '.join(f'{t - 1.7:.2f}' for t in when)} s after the board lay still")
+    assert len(when) == 1 and 0 < when[0] - 1.7 < 1
+
+
 def discs(directions):
     """A place of soft discs, above the horizon."""
     rng, light = np.random.default_rng(5), np.full((*directions.shape[:-1], 3), 0.3)

@@ -137,7 +137,10 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   pictures.velocity = by_board.velocity;
   const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
   std::optional<Turned> turned;
-  if (agreement == Agreement::differs || (agreement == Agreement::nothing && attitude_))
+  // Turned far, a board leaves nothing of the map to compare with; the surroundings may still be
+  // followed from picture to picture.
+  const bool asks = attitude_ || board_motion_.moving();
+  if (agreement == Agreement::differs || (agreement == Agreement::nothing && asks))
     turned = track();
   board_motion_.look(pose, agreement, turned, frame.time);
   if (agreement != Agreement::differs) agreed_ = frame.time;

@@ -1,13 +1,10 @@
 #include "fastibl/tracking/board_motion.h"
 
 #include <algorithm>
+#include <numbers>
 #include <utility>
 
 namespace fastibl {
-namespace {
-
-
-}  // namespace
 
 void BoardMotion::look(const Pose& board, Agreement agreement, const std::optional<Turned>& around,
                        double time) {
@@ -24,7 +21,10 @@ void BoardMotion::look(const Pose& board, Agreement agreement, const std::option
     const double angle = rotation_angle(glm::dmat3(1.0), offset);
     // Parallax, as the camera is elsewhere than where they last agreed; a gyroscope has none.
     const double distance = way_ >= options_.proof ? options_.farther : options_.nearest;
-    const double parallax = around->features > 0 ? std::min(moved / distance, 1.0) : 0;
+    const double turned =
+        start_ ? rotation_angle(*start_, around->back_from_marker.rotation) : std::numbers::pi;
+    const bool still = turned < options_.still * kDegree + around->deviation();
+    const double parallax = around->features > 0 && !still ? std::min(moved / distance, 1.0) : 0;
     const double limit = std::max(options_.least * kDegree, 5 * around->deviation()) + parallax;
     apart = angle > limit;
     const double steady = std::max(options_.steady * kDegree, 3 * around->deviation());
@@ -42,13 +42,14 @@ void BoardMotion::look(const Pose& board, Agreement agreement, const std::option
   }
   apart_ = apart ? apart_ + 1 : 0;
   if (!apart) {
+    start_ = board.rotation;
     alike_ = 0;
     if (agreement == Agreement::agrees || around || !has_eye_) eye_ = eye, has_eye_ = true;
   }
   if (alike_ < options_.frames) return;
   moved_ = offset_;
   apart_ = alike_ = 0, way_ = 0;
-  eye_ = eye;
+  eye_ = eye, start_ = board.rotation;
 }
 
 std::optional<glm::dmat3> BoardMotion::moved() { return std::exchange(moved_, std::nullopt); }
