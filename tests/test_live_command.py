@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -21,8 +22,11 @@ import pytest
 import fastibl
 from fastibl import found_camera, sources
 from fastibl.__main__ import build_parser, main
+from fastibl.calibration_files import write_rig
 from fastibl.commands._live_source import open_source
-from fastibl.live_camera import open_camera
+from fastibl.commands.live import _Log
+from fastibl.live_camera import LiveCamera, open_camera
+from fastibl.live_page import Choices, LiveLoop, Settings
 
 
 class FakeCapture:
@@ -111,6 +115,106 @@ def test_a_camera_without_calibration_is_guessed_and_says_so(monkeypatch):
 def test_pictures_that_are_not_larger_stay_as_they_are():
     assert found_camera.picture_size(0, (640, 480), lambda device: FakeCapture((320, 240))) == (320, 240)
     assert found_camera.picture_size(0, (640, 480), lambda device: FakeCapture((1920, 1080))) == (640, 360)
+
+
+class Plug:
+    """A camera that gives pictures while it is plugged in."""
+
+    def __init__(self, plugged=True):
+        self.plugged = plugged
+
+    def open(self, device):
+        return _Plugged(self)
+
+
+class _Plugged(FakeCapture):
+    def __init__(self, plug):
+        super().__init__((96, 72))
+        self.plug, self.alive = plug, plug.plugged
+
+    def isOpened(self):  # noqa: N802 - OpenCV's name
+        return self.alive
+
+    def grab(self):
+        time.sleep(0.005)
+        self.alive &= self.plug.plugged
+        return self.alive
+
+
+def until(condition, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def plug(monkeypatch, tmp_path):
+    """A camera, and a calibration for it, with which it need not be there at the start."""
+    made = Plug()
+    monkeypatch.setattr(LiveCamera.__init__, "__kwdefaults__", {**LiveCamera.__init__.__kwdefaults__, "retry": 0.02})
+    monkeypatch.setitem(LiveCamera.__init__.__kwdefaults__, "open_capture", made.open)
+    write_rig(tmp_path / "rig.yaml", fastibl.Rig(fastibl.Camera(96, 72, 90, 90, 48, 36)))
+    return made
+
+
+def live_loop(tmp_path, *arguments):
+    """A loop on what `fastibl live` opens for these arguments, in a thread."""
+    log = _Log()
+    opened = open_source(parsed("--rig", tmp_path / "rig.yaml", "--back", 0, *arguments), log)
+    white = fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32))
+    loop = LiveLoop(opened.source, Choices(height=0.05), Settings("cube"), {"environment": white}, folder=tmp_path)
+    log.to = loop.say
+    thread = threading.Thread(target=loop.run, daemon=True)
+    thread.start()
+    return loop, thread
+
+
+def test_cameras_are_waited_for_without_limit(plug, tmp_path):
+    """Also one that is not there at the start; the page says that it waits, and still takes changes."""
+    assert parsed().patience is None and open_source(parsed("--simulate"), print).source is not None
+    plug.plugged = False
+    loop, thread = live_loop(tmp_path)
+    assert loop.source.patience == np.inf
+    until(lambda: loop.latest.get().reason)
+    assert loop.latest.get().state == "waiting"
+    plug.plugged = True
+    until(lambda: loop.latest.get().picture > 2)
+    assert loop.latest.get().state == "running"
+    plug.plugged = False
+    until(lambda: loop.latest.get().state == "waiting")
+    shown = loop.latest.get()
+    assert "goes on by itself" in shown.reason and any("gives no more" in text for _, text in shown.messages)
+    assert loop.change({"shadow": False})
+    until(lambda: loop.latest.get().picture > shown.picture)  # the last picture, once more
+    assert not loop.latest.get().settings.shadow and loop.latest.get().state == "waiting"
+    assert loop.change({"freeze": True})
+    until(lambda: loop.latest.get().state == "frozen")
+    assert loop.change({"freeze": False})
+    plug.plugged = True
+    until(lambda: loop.latest.get().state == "running")
+    assert loop.latest.get().reason == ""
+    loop.stop()
+    thread.join(10)
+    assert not thread.is_alive() and not loop.source.gave_up
+
+
+def test_patience_ends_it_with_an_exit_code(plug, tmp_path, monkeypatch, capsys):
+    command = ["live", "--rig", str(tmp_path / "rig.yaml"), "--back", "0", "--folder", str(tmp_path)]
+    plug.plugged = False
+    assert main([*command, "--patience", "0.2"]) == 2
+    assert "no picture came for 0.2 s" in capsys.readouterr().err
+    plug.plugged = True
+    take = LiveLoop._take
+
+    def unplug(loop, played):
+        plug.plugged = False
+        take(loop, played)
+
+    monkeypatch.setattr(LiveLoop, "_take", unplug)
+    assert main([*command, "--patience", "2"]) == 2
+    said = capsys.readouterr()
+    assert "no picture came for 2 s" in said.err and re.search(r"^[1-9]\d* frames", said.out, re.M)
 
 
 def frames_in(video):

@@ -218,6 +218,22 @@ def test_without_any_camera_it_ends_by_patience_or_close():
         assert list(source) == []
 
 
+def test_waiting_ends_with_a_picture_or_the_end():
+    driver = Driver()
+    driver.plugged = False
+    with camera_source({"back": driver}) as source:
+        assert source.patience == np.inf and not source.wait(0.02)
+        driver.plugged = True
+        assert source.wait(5.0) and source.wait(0.0), "what was waited for comes next"
+        assert taken(source, 1)[0].back is not None and not source.gave_up
+    assert source.wait(5.0) and list(source) == [] and not source.gave_up
+    driver.plugged = False
+    with camera_source({"back": driver}, patience=0.1) as source:
+        assert list(source) == [] and source.gave_up
+        driver.plugged, source.patience = True, np.inf
+        assert taken(source, 1) and not source.gave_up, "iterated again, it waits again"
+
+
 def test_pictures_of_another_size_are_refused():
     lines = []
     with camera_source({"back": Driver(size=(32, 24))}, patience=0.2, log=lines.append) as source:

@@ -28,7 +28,6 @@ from .recording import CAMERAS, Frame, RecordingWarning
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _WAIT = 0.1  # seconds between checks whether the source was closed
 _EVEN = 0.9  # least share of equal steps between pictures' numbers, for the numbers to count as times
-_ENDED = 3600.0  # seconds without any picture after which waiting ends
 
 
 class Source(Protocol):
@@ -65,8 +64,8 @@ class CameraSource(_Closing):
     The source gives the newest picture of each camera: pictures that a slow reader has not asked for are dropped and
     counted. Pictures grabbed within `together` seconds make one Frame, others one each, so cameras may have any rhythm.
     A camera that is unplugged is missing from the frames until it is back. Iteration ends only with close(), after
-    `patience` seconds without any picture, or, where there are only video files, with the end of the last one. Times
-    are seconds since the source was made.
+    `patience` seconds without any picture (`gave_up` tells it; by default it waits without limit), or, where there are
+    only video files, with the end of the last one. Times are seconds since the source was made.
     schedules: for "back" or "front", a function from the exposure of a picture to that of the next, such as a Bracket;
     without one, the exposure stays as the camera found it. A camera with a schedule gives no pictures while it changes
     from one exposure to the next. Where a camera does not hold its exposure, the Frame's exposure is None.
@@ -83,7 +82,7 @@ class CameraSource(_Closing):
         board: Any = None,
         *,
         together: float = 0.02,
-        patience: float = _ENDED,
+        patience: float = np.inf,
         schedules: Mapping[str, Callable[[float], float]] | None = None,
         **options: Any,
     ):
@@ -93,11 +92,14 @@ class CameraSource(_Closing):
         if front is not None and rig.front is None:
             raise ValueError("a front camera was asked for, but the rig has none")
         self.rig, self.board = rig, board
-        self._together, self._patience, self._schedules = together, patience, dict(schedules or {})
+        self._together, self.patience, self._schedules = together, patience, dict(schedules or {})
         self._log = options.get("log", lambda line: None)
         clock = options.pop("clock", time.monotonic)
         begin = clock()
         self._closed = False
+        self.gave_up = False  # whether the iteration ended because no picture came within `patience`
+        self._quiet = time.monotonic()  # since when no picture has come
+        self._shots: dict[str, Shot] = {}  # pictures that were waited for and come next
         self._news = threading.Condition()
         self._told: set[str] = set()
         self.refused = 0  # pictures whose size is not the rig's
@@ -125,30 +127,45 @@ class CameraSource(_Closing):
             camera.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        last, quiet = -np.inf, time.monotonic()
+        last = -np.inf
+        self._quiet, self.gave_up = time.monotonic(), False
         for camera in self.cameras.values():
             camera.rewind()
         while not self._closed:
-            shots = self._newest()
-            if not shots:
-                if self._ended or time.monotonic() - quiet > self._patience:
-                    return
+            if not self.wait(_WAIT):
                 continue
-            quiet = time.monotonic()
+            shots, self._shots = self._shots, {}
+            if not shots:
+                self.gave_up = not (self._closed or self._ended)
+                return
             for group in _moments(shots, self._together):
                 # A picture that took long to decode may come after a later one: the order of coming counts.
                 last = max(last, max(shot.time for shot in group.values()))
                 yield _frame(last, group)
 
+    def wait(self, seconds: float) -> bool:
+        """Waits until the next frame can be taken, or none will come any more; False where neither happened within this
+        time. For who iterates and has something else to do while cameras give no pictures."""
+        until = time.monotonic() + seconds
+        while not self._shots and not self._closed:
+            self._shots = self._newest(max(0.0, min(until - time.monotonic(), _WAIT)))
+            if self._shots:
+                self._quiet = time.monotonic()
+            elif self._ended or time.monotonic() - self._quiet > self.patience:
+                return True
+            elif time.monotonic() >= until:
+                return False
+        return True
+
     @property
     def _ended(self) -> bool:
         return all(camera.ended for camera in self.cameras.values())
 
-    def _newest(self) -> dict[str, Shot]:
-        """The new pictures; waits a while for a second camera, whose picture makes a pair."""
+    def _newest(self, seconds: float) -> dict[str, Shot]:
+        """The pictures that come within this time; waits a while for a second camera, whose picture makes a pair."""
         cameras = self.cameras.values()
         with self._news:
-            self._news.wait_for(lambda: self._closed or self._ended or any(c.has_news for c in cameras), _WAIT)
+            self._news.wait_for(lambda: self._closed or self._ended or any(c.has_news for c in cameras), seconds)
             awaited = [c for c in cameras if c.connected]
             self._news.wait_for(lambda: all(c.has_news for c in awaited), self._together if len(awaited) > 1 else 0)
         shots: dict[str, Shot] = {}

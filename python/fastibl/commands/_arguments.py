@@ -49,14 +49,19 @@ def device(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def add_cameras(p: argparse._ActionsContainer) -> None:
-    """Options of live cameras and their board."""
+def add_cameras(p: argparse._ActionsContainer, patience: float | None = 10.0) -> None:
+    """Options of live cameras and their board. patience: default of --patience; None waits without limit."""
     p.add_argument("--back", type=device, metavar="CAMERA", help="number, device path, URL or video file (default: 0)")
     p.add_argument("--front", type=device, metavar="CAMERA", help="the same of the front camera (default: none)")
     p.add_argument("--board", type=Path, metavar="YAML", help="printed board (default: that of `fastibl board`)")
     p.add_argument("--seconds", type=positive, help="length (default: until Ctrl-C, or the end of a video file)")
+    without = "%(default)g" if patience else "none: cameras are waited for"
     p.add_argument(
-        "--patience", type=positive, default=10.0, help="seconds without a picture to end after (default: 10)"
+        "--patience",
+        type=positive,
+        default=patience,
+        metavar="S",
+        help=f"seconds without any picture after which it ends (default: {without})",
     )
 
 

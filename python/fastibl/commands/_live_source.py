@@ -131,7 +131,7 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
         arguments.front,
         board_of(arguments.board),
         schedules={"front": schedule} if schedule else None,
-        patience=arguments.patience,
+        **({} if arguments.patience is None else {"patience": arguments.patience}),
         log=log,
         **options,
     )

@@ -28,14 +28,14 @@ def add(commands: argparse._SubParsersAction) -> None:
         commands,
         "live",
         run,
-        "light an object by what live cameras see, as a page on this machine; goes on when a camera is unplugged",
+        "light an object by what live cameras see, as a page on this machine; waits for a camera that is unplugged",
         "fastibl live --simulate\n"
         "  fastibl live --back 0 --front 1 --object chair.glb\n"
         "  fastibl live --back 0 --environment room.hdr\n"
         "  fastibl live --rig rig.yaml --back 0 --front http://192.168.0.7:8080/video --out live.webm",
     )
     source = p.add_argument_group("pictures")
-    add_cameras(source)
+    add_cameras(source, patience=None)
     source.add_argument("--simulate", action="store_true", help="a virtual camera in a simulated room")
     source.add_argument("--recording", type=Path, metavar="REC", help="a recording, in its own time")
     source.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
@@ -209,7 +209,7 @@ class _Watch:
 
         from ..video import VideoWriter
 
-        self._opened, self._seconds, self._patience = opened, arguments.seconds, arguments.patience
+        self._opened, self._seconds = opened, arguments.seconds
         self._recording = arguments.recording
         self.out = arguments.out or (Path("live.webm") if arguments.no_page else None)
         self._video = None if self.out is None else stack.enter_context(VideoWriter(self.out, arguments.fps))
@@ -260,16 +260,24 @@ class _Watch:
         return int(getattr(self._opened.source, "dropped", 0))
 
     def conclude(self, interrupted: bool) -> int:
-        if not self._frames:
+        source = self._opened.source
+        gave_up = getattr(source, "gave_up", False)
+        if not self._frames and not gave_up:
             if interrupted:
                 raise KeyboardInterrupt
             if self._recording is not None:
                 raise ValueError(f"{self._recording} holds no back pictures")
-            raise ValueError(f"the back camera gave no picture within {self._patience:g} s")
+            raise ValueError("the back camera gave no picture")
+        if self._frames:
+            self._print_summary()
+        if gave_up:  # an error, for a service manager to start it again
+            raise OSError(f"no picture came for {source.patience:g} s")
+        return 0
+
+    def _print_summary(self) -> None:
         print(
             ("" if self.out is None else f"{self.out}: ")
             + f"{self._frames} frames, board seen in {self._posed}, {self._refused} with pictures left out, "
             f"{self._dropped} pictures not asked for in time; "
             f"predicted error of the irradiance {100 * self._error:.1f} %"
         )
-        return 0

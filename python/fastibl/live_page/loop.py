@@ -29,6 +29,9 @@ _WAITING = 64  # changes that may wait in the queue
 _SLOW = 0.15  # seconds from which on a frame counts as slow
 _SLOW_FRAMES = 5  # slow frames in a row before time is limited
 _QUICK_ENOUGH = 50.0  # milliseconds a frame may then take
+_PAUSE = 0.1  # seconds without a picture after which changes are looked for
+_LATE = 1.5  # seconds without a back picture after which the page says that it waits
+_WAITING_FOR = "no new picture comes; it goes on by itself when one does"
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,8 @@ def _turned(degrees: float) -> Pose:
 class LiveLoop:
     """Runs a source through a session and shows it as snapshots in `latest`.
 
-    source: gives Frames; iterated again, it begins again. choices: what may be changed. settings: those to begin with.
+    source: gives Frames; iterated again, it begins again. Where it has wait(seconds), as CameraSource does, changes are
+    applied while no pictures come. choices: what may be changed. settings: those to begin with.
     options: more options of Session (environment, distance, ...). folder: where recordings go. about: the source in
     words, or a function that gives them. after_frame: called in the loop's thread, with the session and what it made of
     each frame. log: called with each message. watched: whether a person looks on; if so, frames that take long to keep
@@ -134,7 +138,8 @@ class LiveLoop:
     # The loop's own thread.
 
     def run(self, until_end: bool = False) -> None:
-        """Runs until stop(). When the source has ended, it waits for changes, or returns if `until_end`."""
+        """Runs until stop(), or until cameras gave no picture for their source's patience. When another source has
+        ended, it waits for changes, or returns if `until_end`."""
         with warnings.catch_warnings():
             warnings.simplefilter("always", RecordingWarning)
             shown = warnings.showwarning
@@ -152,6 +157,8 @@ class LiveLoop:
                     return
                 if not self._restarting:
                     self._show(state="ended", reason=reason)
+                    if getattr(self.source, "gave_up", False):
+                        return
                     self._wait_for(lambda: self._restarting)
                 if self._restarting:
                     self._session, self._again = self._make_session(), None
@@ -166,8 +173,9 @@ class LiveLoop:
         """Processes the source's frames from its beginning; returns why they ended."""
         frames = play(self._session, self.source)
         self._show(state="frozen" if self._settings.freeze else "waiting", reason="", fps=0.0)
+        wait = getattr(self.source, "wait", lambda seconds: True)
         while True:
-            self._apply_waiting()
+            changed = self._apply_waiting()
             if self._settings.freeze and not self._steps:
                 self._show(state="frozen", fps=0.0)
                 self._times.clear()
@@ -175,16 +183,34 @@ class LiveLoop:
             if self._stopping.is_set() or self._restarting:
                 frames.close()
                 return ""
+            if not wait(_PAUSE):
+                self._show_waiting(changed)
+                continue
             try:
                 played = next(frames, None)
             except (OSError, ValueError, TypeError, LookupError) as error:
                 self.say(f"the source failed: {error}")
                 return str(error)
             if played is None:
-                return "no more pictures come"
+                given_up = getattr(self.source, "gave_up", False)
+                return f"no picture came for {self.source.patience:g} s" if given_up else "no more pictures come"
             if played.frame.back is not None:  # a front picture alone has nothing to show
                 self._steps = max(0, self._steps - 1)
             self._take(played)
+
+    def _show_waiting(self, changed: bool) -> None:
+        """Shows that pictures are waited for, and the last one with what was changed since."""
+        now, again = self.latest.get(), self._again
+        if changed and again is not None:
+            self._process_again(again)
+        if now.state != "frozen" and not now.reason and self._late():
+            self._times.clear()
+            self._show(state="waiting", reason=_WAITING_FOR, fps=0.0)
+        elif changed or now.messages != tuple(self._messages):
+            self._show()
+
+    def _late(self) -> bool:
+        return time.monotonic() - self.latest.get().made > _LATE
 
     def _take(self, played: Played) -> None:
         result = played.result
@@ -199,8 +225,12 @@ class LiveLoop:
                 self._times.popleft()
             self._timings.append(result.timings)
             self._watch_time(result.timings["total"])
-            changes |= self._pictures(played) | {"timings": tuple(self._timings), "fps": self._fps(now), "made": now}
-        self._show(state="frozen" if self._settings.freeze else "running", **changes)
+            changes |= self._pictures(played) | {"timings": tuple(self._timings), "fps": self._fps(now)}
+            if played.frame.back is not None:
+                changes["made"] = now
+        late = "made" not in changes and self._late()  # the front camera goes on alone
+        state = "frozen" if self._settings.freeze else "waiting" if late else "running"
+        self._show(state=state, reason=_WAITING_FOR if state == "waiting" else "", **changes)
         if self._after_frame is not None:
             self._after_frame(self._session, played)
 

@@ -173,8 +173,9 @@ function render(s) {
 }
 const STATE = { waiting: ["waiting", "warn"], running: ["running", "good"], frozen: ["frozen", ""], ended: ["ended", "warn"] };
 function pill(element, text, kind) { setText(element, text); element.className = `pill ${kind}`; }
+const isLate = (s) => s.picture > 0 && (s.state === "running" || s.state === "waiting") && s.age > 1.5;
 function renderHead(s) {
-  const late = s.state === "running" && s.age > 1.5;
+  const late = isLate(s);
   const [text, kind] = late ? [`no picture for ${Math.round(s.age)} s`, "warn"] : STATE[s.state];
   pill($("state"), text, kind);
   const seen = s.board.seen;
@@ -190,10 +191,12 @@ function renderHead(s) {
   $("recording").hidden = !s.recording;
   if (s.recording) setText($("recording"), `● ${s.recording.written} frames` + (s.recording.dropped ? `, ${s.recording.dropped} dropped` : ""));
 }
+const sentence = (text) => text && `${text[0].toUpperCase()}${text.slice(1)}.`;
 function renderHint(s) {
   let title = "", text = "";
-  if (s.state === "waiting" && !s.picture) title = "Waiting for the first picture", text = s.messages.at(-1)?.text ?? "";
-  else if (s.state === "ended") title = "The source has ended", text = `${s.reason[0]?.toUpperCase() ?? ""}${s.reason.slice(1)}. Start anew begins again.`;
+  if (s.state === "waiting" && !s.picture) title = "Waiting for the first picture", text = s.messages.at(-1)?.text ?? sentence(s.reason);
+  else if (s.state === "waiting" && isLate(s)) title = "Waiting for pictures", text = `${sentence(s.reason)} ${s.messages.at(-1)?.text ?? ""}`;
+  else if (s.state === "ended") title = "The source has ended", text = `${sentence(s.reason)} Start anew begins again.`;
   else if (s.board.turned) title = "The board is out of view", text = "The surroundings tell how the cameras turn, so the light is still captured; turn back to see the object.";
   else if (!s.board.seen && s.picture) {
     title = "No board in view";

@@ -26,7 +26,7 @@ class Snapshot:
     picture. newest: the last result of any frame, with the newest map. timings: seconds by pass of the last frames.
     fps: processed pictures a second. messages: (number, text), the last ones. preparing: an object that is being made
     ready. recording: path, frames written and dropped. settings: the state of the controls. made: time.monotonic() of
-    the last picture.
+    the last back picture.
     """
 
     rig: Rig
