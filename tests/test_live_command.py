@@ -5,6 +5,7 @@ import itertools
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,9 +21,10 @@ import numpy as np
 import pytest
 
 import fastibl
-from fastibl import found_camera, sources
+from fastibl import found_camera, free_disk, sources
 from fastibl.__main__ import build_parser, main
 from fastibl.calibration_files import write_rig
+from fastibl.commands import _live_film
 from fastibl.commands._live_source import open_source
 from fastibl.commands.live import _Log
 from fastibl.live_camera import LiveCamera, open_camera
@@ -278,6 +280,37 @@ def test_a_recording_as_a_video_without_a_page(recording, tmp_path, capsys):
     assert "4 frames" in capsys.readouterr().out
     video = cv2.VideoCapture(str(out))
     assert frames_in(video) == 4
+
+
+@pytest.mark.parametrize("page", [True, False])
+def test_a_full_disk_ends_the_video_and_not_the_page(recording, tmp_path, monkeypatch, capsys, page):
+    looks = itertools.count()
+
+    def check(path):
+        if next(looks) == 3:  # at the start, and before each picture
+            raise OSError("12 MiB are free")
+
+    monkeypatch.setattr(_live_film, "check_free", check)
+    monkeypatch.setattr(_live_film, "_CHECKS", -1.0)
+    out = tmp_path / "live.webm"
+    command = ["live", "--recording", str(recording), "--folder", str(tmp_path), "--out", str(out), "--error", "0"]
+    assert main([*command, *(["--seconds", "1"] if page else ["--no-page"])]) == (0 if page else 2)
+    said = capsys.readouterr()
+    assert f"the video {out} ended after 2 pictures: 12 MiB are free" in said.err
+    assert frames_in(cv2.VideoCapture(str(out))) == 2 and not list(tmp_path.glob("*.part"))
+    assert ("4 frames" if page else "error: 12 MiB are free") in said.out + said.err
+
+
+def test_a_disk_without_room_for_a_video(recording, tmp_path, monkeypatch, capsys):
+    """What was there stays; the page is shown without it."""
+    usage = shutil.disk_usage(tmp_path)._replace(free=100 * 2**20)
+    monkeypatch.setattr(free_disk.shutil, "disk_usage", lambda path: usage)
+    out = tmp_path / "live.webm"
+    out.write_bytes(b"older")
+    command = ["live", "--recording", str(recording), "--folder", str(tmp_path), "--out", str(out), "--error", "0"]
+    for more, code in (["--seconds", "1"], 0), (["--no-page"], 2):
+        assert main([*command, *more]) == code
+        assert "100 MiB are free" in capsys.readouterr().err and out.read_bytes() == b"older"
 
 
 def test_seconds_end_it_when_the_pictures_did_before(recording, tmp_path):

@@ -1,5 +1,8 @@
 """Videos: shown when they were taken, in the colours that they are said to be in, whole or not at all."""
 
+import shutil
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
@@ -89,3 +92,62 @@ def test_what_was_added_before_an_error_is_a_video(tmp_path):
             video.add(stripes())
         video.add(stripes(8, 8))
     assert len(times(path)) == 4
+
+
+def noise(k):
+    return np.random.default_rng(k).integers(0, 256, (48, 64, 3), np.uint8)
+
+
+def test_a_film_that_is_cut_plays_but_for_its_last_seconds(tmp_path):
+    """As a power cut leaves it: beside the film that was there before."""
+    video = VideoWriter(tmp_path / "a.webm", 30)
+    for k in range(180):
+        video.add(noise(k), k / 30)
+    (part,) = tmp_path.glob("*.part")
+    shutil.copy(part, tmp_path / "cut.webm")
+    video.close()
+    cut = times(tmp_path / "cut.webm")
+    assert len(times(tmp_path / "a.webm")) == 180
+    assert cut[0] == 0 and cut[-1] > 6 - 2.5 and np.abs(np.diff(cut) - 1 / 30).max() < 0.002
+
+
+@contextmanager
+def least_room(bytes_of_a_file):
+    """No file may become larger: writing fails as on a full disk."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_of_a_file, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("keep_cut", [False, True])
+def test_a_full_disk_cuts_the_film(tmp_path, keep_cut):
+    path, count = tmp_path / "a.webm", 0
+    path.write_bytes(b"older")
+    with least_room(200_000):
+        video = VideoWriter(path, 30, keep_cut=keep_cut)
+        with pytest.raises(OSError):
+            while count < 1000:
+                video.add(noise(count))
+                count += 1
+        with pytest.raises(OSError):
+            video.close()
+        video.close()
+    assert list(tmp_path.iterdir()) == [path]
+    if keep_cut:
+        assert 30 <= len(times(path)) <= count
+    else:
+        assert path.read_bytes() == b"older"
+
+
+def test_a_cut_film_that_does_not_play_is_not_kept(tmp_path):
+    path = tmp_path / "a.webm"
+    path.write_bytes(b"older")
+    with least_room(100), pytest.raises(OSError):
+        video = VideoWriter(path, 30, keep_cut=True)
+        video.add(noise(0))
+        video.close()
+    assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]

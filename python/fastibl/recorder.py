@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import threading
 import time
 from collections import deque
@@ -11,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from ._fastibl import Rig
+from .free_disk import LEAST_FREE, check_free
 from .recording import CAMERAS, Frame, RecordingWriter
 
 _BUFFER = 256 * 2**20  # bytes of pictures that may wait to be written
-_LEAST_FREE = 200 * 2**20  # bytes of the disk that are left to other programs
 _SYNC = 0.5  # seconds between calls that write the list of pictures through to the disk
 
 
@@ -33,11 +32,11 @@ class Recorder:
         board: Any = None,
         *,
         buffer: int = _BUFFER,
-        least_free: int = _LEAST_FREE,
+        least_free: int = LEAST_FREE,
     ):
         self._buffer, self._least_free = buffer, least_free
         self.path = Path(path)
-        self._check_disk()  # before an older recording is removed
+        check_free(self.path, least_free)  # before an older recording is removed
         self._writer = RecordingWriter(path, rig, board)
         self._queue: deque[Frame] = deque()
         self._changed = threading.Condition()
@@ -96,15 +95,6 @@ class Recorder:
             if error is None:  # otherwise that exception goes on
                 raise
 
-    def _check_disk(self) -> None:
-        folder = next(p for p in (self.path, *self.path.absolute().parents) if p.exists())
-        free = shutil.disk_usage(folder).free
-        if free < self._least_free:
-            raise OSError(
-                f"{free / 2**20:.0f} MiB are free where {self.path} is, "
-                f"recording ends at {self._least_free / 2**20:.0f}"
-            )
-
     def _run(self) -> None:
         synced = time.monotonic()
         try:
@@ -123,7 +113,7 @@ class Recorder:
                 if time.monotonic() - synced > _SYNC:
                     synced = time.monotonic()
                     self._writer.sync()
-                    self._check_disk()
+                    check_free(self.path, self._least_free)
         except Exception as error:  # noqa: BLE001 - whatever it is, add() and close() tell
             with self._changed:
                 self.error = error

@@ -16,6 +16,8 @@ _MILLISECOND = Fraction(1, 1000)
 _BT709, _LIMITED = 1, 1  # ITU-T H.273; AVCOL_RANGE_MPEG
 # VP9 at its fastest: fourteen times faster than OpenCV's writer, which takes no options.
 _OPTIONS = {"deadline": "realtime", "cpu-used": "8", "row-mt": "1", "crf": "30", "b": "0"}
+# Every second, what was encoded goes to the file, from which it plays even where the film is cut there.
+_IN_PARTS = {"cluster_time_limit": "1000", "flush_packets": "1"}
 
 
 class _NoPictures(Exception):
@@ -27,13 +29,14 @@ class VideoWriter:
 
     Colours are encoded by BT.709, as the file says. fps: pictures per second, for pictures that have no time of their
     own. The new file takes its place when it is closed, whatever was raised meanwhile; if it cannot be completed, on a
-    full disk, the older file stays.
+    full disk, the older file stays, or with keep_cut what was written until then takes its place. Of a program that is
+    killed, the film stays beside it as a .part file, which plays but for its last seconds.
 
     Raises ValueError for another ending or a picture of another size, OSError where the file cannot be written,
     ImportError where PyAV is missing.
     """
 
-    def __init__(self, path: str | os.PathLike[str], fps: float):
+    def __init__(self, path: str | os.PathLike[str], fps: float, *, keep_cut: bool = False):
         self.path = Path(path)
         if self.path.suffix != ".webm":
             raise ValueError(f"a video must end in .webm, got {self.path.name}")
@@ -45,8 +48,11 @@ class VideoWriter:
         self._av = av
         self._shape: tuple[int, ...] = ()
         self._whole = ExitStack()
-        part = self._whole.enter_context(whole_file(self.path))
-        self._container = self._whole.enter_context(av.open(str(part), "w", format="webm"))
+        self._part = self._whole.enter_context(whole_file(self.path))
+        if keep_cut:
+            self._whole.push(self._keep_cut)
+        self._container = self._whole.enter_context(av.open(str(self._part), "w", format="webm", options=_IN_PARTS))
+        self._closed = False
         rate = Fraction(fps).limit_denominator(1001)
         self._period, self._count, self._last = 1000 / rate, 0, -1
         self._first: float | None = None
@@ -78,7 +84,20 @@ class VideoWriter:
         self._count, self._last = self._count + 1, max(round(at - self._first), self._last + 1)
         return self._last
 
+    def _keep_cut(self, _: object, error: object, *__: object) -> None:
+        """Lets a film that could not be completed take its place, if it plays."""
+        if not isinstance(error, OSError):
+            return
+        with suppress(self._av.FFmpegError, OSError, StopIteration):
+            with self._av.open(str(self._part)) as film:
+                next(film.decode(video=0))
+            self._part.replace(os.path.realpath(self.path))
+
     def close(self) -> None:
+        """Completes the file; without effect the second time."""
+        if self._closed:
+            return
+        self._closed = True
         if not self._shape:  # nothing was written, so no file is made
             with suppress(_NoPictures), self._whole:
                 raise _NoPictures

@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         stack.callback(close, opened.source)
         given = _given_light(arguments)
-        watch = _Watch(arguments, opened, stack, given)
+        watch = _Watch(arguments, opened, stack, given, log)
         arguments.folder.mkdir(parents=True, exist_ok=True)
         loop = LiveLoop(
             opened.source,
@@ -204,15 +204,18 @@ def _ending_with_control_c(loop: Any) -> Iterator[threading.Event]:
 class _Watch:
     """What is done with each frame besides the page: the video, the front camera's exposures, the terminal's line."""
 
-    def __init__(self, arguments: argparse.Namespace, opened: Opened, stack: ExitStack, given: Any):
+    def __init__(self, arguments: argparse.Namespace, opened: Opened, stack: ExitStack, given: Any, log: _Log):
         from tqdm import tqdm
 
-        from ..video import VideoWriter
+        from ._live_film import LiveFilm
 
         self._opened, self._seconds = opened, arguments.seconds
         self._recording = arguments.recording
         self.out = arguments.out or (Path("live.webm") if arguments.no_page else None)
-        self._video = None if self.out is None else stack.enter_context(VideoWriter(self.out, arguments.fps))
+        self._alone = arguments.no_page  # whether the video is all that there is
+        self._video = None if self.out is None else stack.enter_context(LiveFilm(self.out, arguments.fps, log))
+        if self._video is not None and self._video.error is not None and self._alone:
+            raise self._video.error
         self._bar = stack.enter_context(tqdm(desc="live", unit="frame", disable=None))
         self.loop: Any = None
         self._given = given  # a map of the light, if given
@@ -229,6 +232,8 @@ class _Watch:
         if result is not None and played.frame.back is not None:
             if self._video is not None:
                 self._video.add(result.image, played.frame.time)
+                if self._video.error is not None and self._alone:
+                    self.loop.stop()
             pose, self._error = result.back_from_marker, result.predicted_error
             self._frames, self._posed = self._frames + 1, self._posed + (pose is not None)
             if self._opened.adaptive and pose is not None:
@@ -270,6 +275,8 @@ class _Watch:
             raise ValueError("the back camera gave no picture")
         if self._frames:
             self._print_summary()
+        if self._video is not None and self._video.error is not None and self._alone:
+            raise self._video.error
         if gave_up:  # an error, for a service manager to start it again
             raise OSError(f"no picture came for {source.patience:g} s")
         return 0
