@@ -24,9 +24,9 @@ import fastibl
 from fastibl import found_camera, free_disk, sources
 from fastibl.__main__ import build_parser, main
 from fastibl.calibration_files import write_rig
-from fastibl.commands import _live_film
+from fastibl.commands import _live_film, _live_source
 from fastibl.commands._live_source import open_source
-from fastibl.commands.live import _Log
+from fastibl.commands.live import _Ending, _Log
 from fastibl.live_camera import LiveCamera, open_camera
 from fastibl.live_page import Choices, LiveLoop, Settings
 
@@ -351,7 +351,8 @@ def test_the_browser_is_not_told_the_token_by_its_arguments(recording, tmp_path)
     assert not path.exists() and not path.parent.exists(), "it stays when the command has ended"
 
 
-def test_control_c_ends_it_and_keeps_what_was_written(recording, tmp_path):
+@pytest.mark.parametrize("name", ["SIGINT", *(["SIGTERM", "SIGHUP"] if os.name == "posix" else [])])
+def test_a_signal_ends_it_and_keeps_what_was_written(recording, tmp_path, name):
     command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
     process = subprocess.Popen(
         [*command, "--out", str(tmp_path / "live.webm")],
@@ -367,12 +368,74 @@ def test_control_c_ends_it_and_keeps_what_was_written(recording, tmp_path):
             connection = http.client.HTTPConnection("127.0.0.1", int(url[1]), timeout=10)
             connection.request("GET", url[0].partition(url[1])[2] + "state?viewer=abcdefgh")
             state = re.search(rb'"state": (".*?")', connection.getresponse().read())[1]
-        process.send_signal(signal.SIGINT)
+        process.send_signal(getattr(signal, name))
         out, said = process.communicate(timeout=20)
     finally:
         process.kill()
     assert process.returncode == 0 and "4 frames" in out and "Traceback" not in said, said
     assert frames_in(cv2.VideoCapture(str(tmp_path / "live.webm"))) == 4
+
+
+class _Silent(BaseHTTPRequestHandler):
+    """A camera that gives no picture yet."""
+
+    def do_GET(self):  # noqa: N802 - the library's name
+        self.send_error(404)
+
+    def log_message(self, *_):
+        """Quiet."""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("name, code", [("SIGTERM", 0), ("SIGHUP", 0), ("SIGINT", 130)])
+def test_a_signal_before_the_first_picture(plug, tmp_path, name, code):
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _Silent)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    url = f"http://127.0.0.1:{server.server_address[1]}/video"
+    command = [sys.executable, "-m", "fastibl", "live", "--rig", str(tmp_path / "rig.yaml"), "--back", url]
+    process = subprocess.Popen(
+        [*command, "--folder", str(tmp_path), "--out", str(tmp_path / "live.webm")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        assert any("http://" in line for line in process.stdout)
+        process.send_signal(getattr(signal, name))
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        server.shutdown()
+        server.server_close()
+    assert process.returncode == code and "Traceback" not in said, said
+    assert list(tmp_path.iterdir()) == [tmp_path / "rig.yaml"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_signal_before_there_is_a_loop(monkeypatch):
+    """An object may take seconds to be made ready."""
+
+    def slow(arguments, log):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5)
+        raise AssertionError("it went on")
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(_live_source, "open_source", slow)
+    with pytest.raises(SystemExit) as ended:
+        main(["live", "--simulate"])
+    assert ended.value.code == 0 and signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_nohup_is_obeyed():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with _Ending():
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 # Sources.

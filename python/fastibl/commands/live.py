@@ -6,8 +6,8 @@ import argparse
 import math
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkstemp
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..session import Session
     from ._live_source import Opened
 
+_ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _DEGREES = 65.0  # as guessed_rig.DEGREES, whose import would load NumPy
 
 
@@ -89,7 +90,11 @@ def _add_light(p: argparse._ArgumentGroup) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    with _Ending() as ending:
+        return _run(arguments, ending)
 
+
+def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
     from ..live_page import Choices, LiveLoop, PageServer, Settings
     from ..sources import close
     from ._live_source import open_source
@@ -124,15 +129,14 @@ def run(arguments: argparse.Namespace) -> int:
             log=tell,
             watched=not arguments.no_page,
         )
-        log.to, watch.loop = loop.say, loop
+        log.to, watch.loop, ending.loop = loop.say, loop, loop
         if not arguments.no_page:
             server = stack.enter_context(PageServer(loop, arguments.port, notices=tuple(opened.notices)))
             print(f"\n  {server.url}\n\nThe page is for this machine alone. Ctrl-C ends.", flush=True)
             if arguments.open:
                 _open(server.url, stack)
-        with _ending_with_control_c(loop) as interrupted:
-            loop.run(until_end=arguments.no_page)
-    return watch.conclude(interrupted.is_set())
+        loop.run(until_end=arguments.no_page)
+    return watch.conclude(ending.by)
 
 
 class _Log:
@@ -178,27 +182,39 @@ def _open(url: str, stack: ExitStack) -> None:
     webbrowser.open(Path(name).as_uri())
 
 
-@contextmanager
-def _ending_with_control_c(loop: Any) -> Iterator[threading.Event]:
-    """Makes Ctrl-C end the loop after the current frame, so that what is written stays whole; a second Ctrl-C does not
-    wait. Gives an event that tells whether it happened."""
-    interrupted = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield interrupted
-        return
+class _Ending:
+    """Makes Ctrl-C, SIGTERM and SIGHUP end the loop after the current frame, so that what is written stays whole, and
+    the program where there is no loop yet. A second Ctrl-C does not wait. A context manager.
 
-    def end(number: int, _: Any) -> None:
-        interrupted.set()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        # Not in this thread: the loop, which is interrupted for this handler, may hold the locks of its cameras.
-        threading.Thread(target=loop.stop, daemon=True).start()
+    by: the signal that came, if one did.
+    """
 
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield interrupted
-    finally:
-        for number, handler in before.items():
+    def __init__(self) -> None:
+        self.by: int | None = None
+        self.loop: Any = None
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> _Ending:
+        if threading.current_thread() is threading.main_thread():
+            for number in _ENDING:
+                if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:  # as by nohup
+                    self._before[number] = signal.signal(number, self._end)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
             signal.signal(number, handler)
+
+    def _end(self, number: int, _: Any) -> None:
+        self.by = number
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        if self.loop is not None:
+            # Not in this thread: the loop, which is interrupted for this handler, may hold the locks of its cameras.
+            threading.Thread(target=self.loop.stop, daemon=True).start()
+        elif number == signal.SIGINT:
+            raise KeyboardInterrupt
+        else:
+            raise SystemExit(0)
 
 
 class _Watch:
@@ -264,12 +280,15 @@ class _Watch:
     def _dropped(self) -> int:
         return int(getattr(self._opened.source, "dropped", 0))
 
-    def conclude(self, interrupted: bool) -> int:
+    def conclude(self, ended_by: int | None) -> int:
         source = self._opened.source
         gave_up = getattr(source, "gave_up", False)
         if not self._frames and not gave_up:
-            if interrupted:
+            if ended_by == signal.SIGINT:
                 raise KeyboardInterrupt
+            if ended_by is not None:
+                tell("ended before the first picture")
+                return 0
             if self._recording is not None:
                 raise ValueError(f"{self._recording} holds no back pictures")
             raise ValueError("the back camera gave no picture")
