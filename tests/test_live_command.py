@@ -428,6 +428,36 @@ def test_a_signal_before_there_is_a_loop(monkeypatch):
     assert ended.value.code == 0 and signal.getsignal(signal.SIGTERM) == before
 
 
+_TRIES = """
+import sys, time
+import cv2
+from fastibl.commands import _live_source
+from fastibl.__main__ import build_parser
+from fastibl.live_camera import LiveCamera
+
+tries, level, lines = [], cv2.utils.logging.getLogLevel(), []
+def opened(device, real=LiveCamera.__init__.__kwdefaults__["open_capture"]):
+    tries.append(device)
+    return real(device)
+LiveCamera.__init__.__kwdefaults__.update(retry=0.01, open_capture=opened)
+arguments = ["live", "--rig", sys.argv[1], "--back", "http://127.0.0.1:9/video", "--front", "/dev/nowhere"]
+source = _live_source.open_source(build_parser().parse_args([*arguments]), lines.append).source
+while min(map(tries.count, set(tries))) < 5 or len(set(tries)) < 2:
+    time.sleep(0.01)
+source.close()
+assert cv2.utils.logging.getLogLevel() == level and len(lines) == 2, lines
+"""
+
+
+def test_a_camera_that_is_away_does_not_fill_the_log(tmp_path):
+    """OpenCV and FFmpeg would write two lines at each try."""
+    camera = fastibl.Camera(96, 72, 90, 90, 48, 36)
+    write_rig(tmp_path / "rig.yaml", fastibl.Rig(camera, camera, fastibl.Pose()))
+    command = [sys.executable, "-c", _TRIES, str(tmp_path / "rig.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_nohup_is_obeyed():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)

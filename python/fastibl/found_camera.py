@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from .live_camera import open_camera
+from .live_camera import open_camera, quiet
 
 _TRIES = 30  # pictures that may fail before a camera counts as one that gives no pictures
 
@@ -43,7 +42,7 @@ def picture_size(
     """Size (width, height) in which a camera's pictures are used: the one it gives when asked for `asked`, scaled down
     to that width where it is larger. Where it gives no picture, raises an OSError that says what there is.
     """
-    with _quiet():
+    with quiet():
         capture = opener(device)
         try:
             picture = _first_picture(capture, asked)
@@ -75,15 +74,3 @@ def _missing(device: int | str) -> str:
     there = sorted(str(path) for path in Path("/dev").glob("video*")) if os.name == "posix" else []
     listed = f"there are {', '.join(there)}" if there else "none is connected"
     return f"camera {device} gives no picture ({listed}, or another program uses it)"
-
-
-@contextmanager
-def _quiet():
-    """Silences OpenCV's own messages about a camera that is not there: the error says it."""
-    logging = cv2.utils.logging
-    level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(level)

@@ -4,6 +4,7 @@ in for a camera: it plays once, at its own speed."""
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -105,6 +106,36 @@ def open_camera(device: int | str) -> Any:
         limit = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _NETWORK, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _NETWORK]
         return cv2.VideoCapture(device, cv2.CAP_FFMPEG, limit)
     return open_film(str(device)) if is_film(device) else cv2.VideoCapture(device)
+
+
+_quieting = threading.Lock()
+_quieted: list[int] = []  # OpenCV's own level of messages, once for each thread that wants quiet
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Silences OpenCV's own messages about a camera that is not there, which come with each try: the log says it once.
+    FFmpeg's messages are silenced by silence_ffmpeg()."""
+    import cv2
+
+    logging = cv2.utils.logging
+    with _quieting:
+        _quieted.append(_quieted[0] if _quieted else logging.getLogLevel())
+        logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        with _quieting:
+            level = _quieted.pop()
+            if not _quieted:
+                logging.setLogLevel(level)
+
+
+def silence_ffmpeg() -> None:
+    """Silences what FFmpeg writes to stderr in OpenCV: a line each time that a camera is tried, and for damaged
+    pictures. To be called by a command before it opens cameras, as it sets an environment variable; one that the user
+    has set counts."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # AV_LOG_QUIET
 
 
 class LiveCamera:
@@ -209,7 +240,7 @@ class LiveCamera:
         told = False  # whether it was logged that the camera does not open
         while not self._stop.is_set():
             capture = None
-            with contextlib.suppress(Exception):  # drivers may raise anything; opening is tried again
+            with quiet(), contextlib.suppress(Exception):  # drivers may raise anything; opening is tried again
                 capture = self._open(self.device)
             if capture is None or not capture.isOpened():
                 if not told:

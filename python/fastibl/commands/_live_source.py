@@ -111,8 +111,10 @@ def _recorded(arguments: argparse.Namespace) -> Opened:
 def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:
     from ..calibration_files import read_rig
     from ..exposure import Bracket
+    from ..live_camera import silence_ffmpeg
     from ..sources import CameraSource
 
+    silence_ffmpeg()
     back = 0 if arguments.back is None else arguments.back
     if arguments.front is not None and arguments.environment is not None:
         raise ValueError("with --environment the light is given, and a front camera has nothing to do: leave one away")

@@ -88,9 +88,11 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from ..exposure import Bracket
+    from ..live_camera import silence_ffmpeg
     from ..recorder import Recorder
     from ..sources import CameraSource
 
+    silence_ffmpeg()
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
     size = arguments.size or (640, 480)
     rig = _rig(arguments, size, None if arguments.front is None else size)
