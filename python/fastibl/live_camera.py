@@ -238,6 +238,7 @@ class LiveCamera:
 
     def _run(self) -> None:
         told = False  # whether it was logged that the camera does not open
+        self._missed = False  # whether it was logged that it gives no pictures
         while not self._stop.is_set():
             capture = None
             with quiet(), contextlib.suppress(Exception):  # drivers may raise anything; opening is tried again
@@ -245,7 +246,7 @@ class LiveCamera:
             if capture is None or not capture.isOpened():
                 if not told:
                     self._log(f"the {self.name} camera {self.device} does not open; trying again")
-                told = True
+                told = self._missed = True
                 self._stop.wait(self._retry)
                 continue
             told = False
@@ -263,6 +264,7 @@ class LiveCamera:
                 return
             if gave and not self._stop.is_set():
                 self.lost += 1
+                self._missed = True
                 self._log(f"the {self.name} camera {self.device} gives no more pictures; going on without it")
             self._stop.wait(self._retry)
 
@@ -279,6 +281,9 @@ class LiveCamera:
         known, unsure, setting = exposure.value, 0, self.settings
         for image, grabbed in self._pictures(capture):
             self._connected = True
+            if self._missed:
+                self._missed = False
+                self._log(f"the {self.name} camera {self.device} gives pictures now")
             with self._changed:
                 self._number += 1
                 self.dropped += self._shot is not None
