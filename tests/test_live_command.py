@@ -313,6 +313,27 @@ def test_a_disk_without_room_for_a_video(recording, tmp_path, monkeypatch, capsy
         assert "100 MiB are free" in capsys.readouterr().err and out.read_bytes() == b"older"
 
 
+def test_the_address_stays_with_a_token_of_a_file(recording, tmp_path, capsys):
+    command = ["live", "--recording", str(recording), "--folder", str(tmp_path), "--error", "0", "--seconds", "0.1"]
+    path = tmp_path / "token"
+    path.write_text("kiosk-AbCdEf0123456789\n")
+    path.chmod(0o600)
+    assert main([*command, "--token-file", str(path)]) == 0
+    said = capsys.readouterr()
+    assert re.search(r"http://127\.0\.0\.1:\d+/kiosk-AbCdEf0123456789/\n", said.out) and "chmod" not in said.err
+    path.chmod(0o644)
+    assert main([*command, "--token-file", str(path)]) == 0
+    assert ("every user" in capsys.readouterr().err) == (os.name == "posix")
+    path.write_text("short-secret")
+    assert main([*command, "--token-file", str(path)]) == 2
+    said = capsys.readouterr()
+    assert "16 random characters" in said.err and "short-secret" not in said.out + said.err
+    path.write_bytes(b"\xff" * 20)
+    assert main([*command, "--token-file", str(path)]) == 2
+    assert main([*command, "--token-file", str(tmp_path / "nowhere")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
 def test_seconds_end_it_when_the_pictures_did_before(recording, tmp_path):
     command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
     done = subprocess.run([*command, "--seconds", "2", "--error", "0"], capture_output=True, text=True, timeout=60)

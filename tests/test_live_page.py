@@ -164,6 +164,24 @@ def test_nobody_is_let_in_without_the_token_or_by_another_name(run):
     assert page._server.server_address[0] == "127.0.0.1"
 
 
+def test_a_given_token(run):
+    token = "kiosk-0_" + "AbCdEf" * 2
+    client, page, _ = run(token=token)
+    assert page.url.endswith(f"/{token}/") and client.ask("", token=token)[0].status == 200
+    assert client.ask("", token=token[:-1])[0].status == 403
+    for wrong, why in (
+        ("", "16 random characters"),
+        ("AbCdEfGh1234567", "16 random characters or more, got 15"),
+        ("a" * 20, "random"),
+        ("AbCdEfGh/1234567890", "letters"),
+        ("AbCdEfGh12345678\n", "letters"),
+        ("ÄbCdEfGh1234567890", "letters"),
+    ):
+        with pytest.raises(ValueError, match=why) as refused:
+            PageServer(page.loop, token=wrong)
+        assert not wrong or wrong not in str(refused.value)
+
+
 def test_the_address_is_opened_as_people_do(run):
     """Without its last slash, and by a link in another page; nothing else is let in so."""
     client, page, _ = run()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import signal
+import stat
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -54,6 +56,13 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     out = p.add_argument_group("what comes out")
     out.add_argument("--port", type=int, default=0, help="of the page (default: a free one)")
+    out.add_argument(
+        "--token-file",
+        type=Path,
+        metavar="FILE",
+        help="file with the secret of the page's address, 16 random characters or more, so that the address stays "
+        "(default: a new one each time); not given as an argument, because other users can read those",
+    )
     out.add_argument("--open", action="store_true", help="open the page in a browser")
     out.add_argument(
         "--folder", type=Path, default=Path(), help="of the page's recordings and pictures (default: this one)"
@@ -101,6 +110,7 @@ def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
 
     if not 0 <= arguments.port < 1 << 16:
         raise ValueError(f"--port must be from 0 to 65535, got {arguments.port}")
+    token = _token_of(arguments.token_file)
     choices = Choices(arguments.object or (), arguments.up, arguments.height)
     settings = Settings(
         choices.objects[0],
@@ -131,7 +141,8 @@ def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
         )
         log.to, watch.loop, ending.loop = loop.say, loop, loop
         if not arguments.no_page:
-            server = stack.enter_context(PageServer(loop, arguments.port, notices=tuple(opened.notices)))
+            server = PageServer(loop, arguments.port, notices=tuple(opened.notices), token=token)
+            stack.enter_context(server)
             print(f"\n  {server.url}\n\nThe page is for this machine alone. Ctrl-C ends.", flush=True)
             if arguments.open:
                 _open(server.url, stack)
@@ -147,6 +158,20 @@ class _Log:
 
     def __call__(self, line: str) -> None:
         self.to(line)
+
+
+def _token_of(path: Path | None) -> str | None:
+    """The token in a file. Raises ValueError for one that could be guessed."""
+    from ..live_page.server import check_token
+
+    if path is None:
+        return None
+    if os.name == "posix" and path.stat().st_mode & stat.S_IROTH:
+        tell(f"every user of this machine can read the token in {path}: chmod o-r {path}")
+    try:
+        return check_token(path.read_text("utf-8").strip())
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _given_light(arguments: argparse.Namespace) -> Any:

@@ -10,6 +10,7 @@ import hashlib
 import hmac
 import json
 import os
+import re
 import secrets
 import socketserver
 import sys
@@ -34,6 +35,7 @@ _CONNECTIONS = 32  # connections at a time; a browser opens six per page
 _BODY = 4096  # bytes of a request's body
 _TIMEOUT = 10.0  # seconds that a client may take for a whole request, including silence before it, or to take an answer
 _WAIT = 2.0  # seconds that a request waits for the next picture
+_TOKEN = 16  # characters of a given token, at least: 96 random bits
 _ASSETS = ("page.css", "page.js")
 
 
@@ -60,16 +62,36 @@ def load_page() -> tuple[bytes, str]:
     return page.encode(), policy
 
 
+def check_token(token: str) -> str:
+    """The token itself. Raises ValueError, which does not show it, where it could be guessed or is no part of an
+    address."""
+    if not re.fullmatch(r"[A-Za-z0-9_-]*", token):
+        raise ValueError("a token consists of letters, digits, - and _")
+    if len(token) < _TOKEN or len(set(token)) < _TOKEN // 2:
+        raise ValueError(f"a token must have {_TOKEN} random characters or more, got {len(token)}")
+    return token
+
+
 class PageServer:
     """Serves a LiveLoop at `url` until close(); a context manager.
 
     port: 0 takes a free one. viewers: pages that may be open at a time. notices: texts that the page always shows.
-    Raises OSError where the port is in use.
+    token: the secret in the page's address, for an address that stays; by default a new one.
+    Raises OSError where the port is in use, ValueError for a token that is too short or has other characters than those
+    of an address.
     """
 
-    def __init__(self, loop: LiveLoop, port: int = 0, *, viewers: int = 4, notices: tuple[str, ...] = ()):
+    def __init__(
+        self,
+        loop: LiveLoop,
+        port: int = 0,
+        *,
+        viewers: int = 4,
+        notices: tuple[str, ...] = (),
+        token: str | None = None,
+    ):
         self.loop, self.notices = loop, notices
-        self.token = secrets.token_urlsafe(16)
+        self.token = secrets.token_urlsafe(16) if token is None else check_token(token)
         self.pictures, self.advice, self.viewers = Pictures(), BoardAdvice(), Viewers(viewers)
         self.page, self.policy = load_page()
         self.seconds: dict[str, float] = {}  # seconds of processor time, by what was asked for
@@ -347,4 +369,4 @@ def _json(value: Any) -> tuple[HTTPStatus, str, bytes, dict[str, str]]:
     return HTTPStatus.OK, "application/json", json.dumps(value, allow_nan=False).encode(), {}
 
 
-__all__ = ["ADDRESS", "PageServer", "load_page"]
+__all__ = ["ADDRESS", "PageServer", "check_token", "load_page"]
