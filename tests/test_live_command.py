@@ -24,9 +24,9 @@ import fastibl
 from fastibl import found_camera, free_disk, sources
 from fastibl.__main__ import build_parser, main
 from fastibl.calibration_files import write_rig
-from fastibl.commands import _live_film, _live_source
+from fastibl.commands import _kept_map, _live_film, _live_source
 from fastibl.commands._live_source import open_source
-from fastibl.commands.live import _Ending, _Log
+from fastibl.commands.live import _Ending, _Log, _Watch
 from fastibl.live_camera import LiveCamera, open_camera
 from fastibl.live_page import Choices, LiveLoop, Settings
 
@@ -86,6 +86,7 @@ def test_without_a_camera_the_simulator_is_offered(no_camera, capsys):
         (["--recording", "nowhere"], "nowhere"),
         (["--environment", "nowhere.hdr", "--front", "1"], "leave one away"),
         (["--simulate", "--port", "70000"], "--port"),
+        (["--simulate", "--keep", "map.png"], "map.png"),
         (["--recording", "x", "--fov", "50"], "--fov is of cameras"),
         (["--recording", "x", "--rig", "rig.yaml"], "--rig is of cameras"),
         (["--recording", "x", "--exposures", "bracket"], "--exposures is of cameras"),
@@ -334,6 +335,105 @@ def test_the_address_stays_with_a_token_of_a_file(recording, tmp_path, capsys):
     assert "nowhere" in capsys.readouterr().err
 
 
+class _Result:
+    """What KeptMap asks of a FrameResult: a map of which this share was seen."""
+
+    def __init__(self, radiance, coverage=0.5):
+        self.environment = self
+        self.coverage = coverage
+        self.radiance = fastibl.CubeMap(np.full((6, 16, 16, 3), radiance, np.float32))
+
+
+@pytest.fixture
+def written(monkeypatch):
+    """Brightnesses of the maps that were written, as .hdr files."""
+    brightnesses = []
+
+    def write(path, result):
+        brightnesses.append(float(result.radiance.faces.mean()))
+        fastibl.write_environment(path, result.radiance)
+
+    monkeypatch.setattr(_kept_map, "write_environment", write)
+    return brightnesses
+
+
+@pytest.mark.parametrize("ending", [".hdr", ".exr", ".ktx2"])
+def test_a_map_is_kept_for_the_next_start(recording, tmp_path, monkeypatch, capsys, ending):
+    if ending == ".exr":
+        pytest.importorskip("OpenEXR")
+    path, results = tmp_path / "kept" / f"map{ending}", []
+    take = _Watch.take
+    monkeypatch.setattr(_Watch, "take", lambda *given: (results.append(given[2].result), take(*given)))
+    command = ["live", "--no-page", "--recording", str(recording), "--keep", str(path), "--error", "0"]
+    for k in range(2):
+        assert main([*command, "--out", str(tmp_path / "live.webm")]) == 0
+        environment = results[-1].environment
+        assert (environment.knowledge["prior_flux"] > 0) == (k == 1)
+        lit = [fastibl.Lighting(c).irradiance(np.eye(3)) for c in (fastibl.read_environment(path), environment)]
+        np.testing.assert_allclose(*lit, rtol=0.02)
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_map_is_kept_now_and_then(tmp_path, monkeypatch, written):
+    monkeypatch.setattr(_kept_map, "_PERIOD", 0.0)
+    with _kept_map.KeptMap(tmp_path / "map.hdr", print) as kept:
+        assert kept.prior is None
+        kept.note(_Result(1.0))
+        kept._wait()
+        assert written == [1.0]
+        monkeypatch.setattr(_kept_map, "_PERIOD", 1e9)
+        for radiance in (2.0, 3.0, 4.0):
+            kept.note(_Result(radiance))
+            kept._wait()
+        assert written == [1.0, 2.0]
+    assert written == [1.0, 2.0, 4.0], "the last one at the end"
+    assert np.allclose(fastibl.read_environment(tmp_path / "map.hdr").faces, 4.0, rtol=0.01)
+
+
+def test_a_kept_map_is_not_lost(tmp_path, written):
+    """By a night, whose dark pictures tell the unseen sky's brightness, too; or where nothing was seen at all."""
+    said = []
+    for light, kept in ((1.0, 1.0), (1e-3, 1.0), (0.3, 0.3), (0.0, 0.3)):
+        with _kept_map.KeptMap(tmp_path / "map.hdr", said.append) as file:
+            file.note(_Result(light))
+        assert np.allclose(fastibl.read_environment(tmp_path / "map.hdr").faces, kept, rtol=0.01)
+    assert [line.count("it is dark here") for line in said] == [1, 1]
+    with _kept_map.KeptMap(tmp_path / "map.hdr", said.append) as file:
+        file.note(_Result(2.0, coverage=0.0))
+    with _kept_map.KeptMap(tmp_path / "map.hdr", said.append):
+        """No picture came."""
+    assert len(said) == 2 and len(written) == 2
+
+
+def test_a_map_that_cannot_be_kept_ends_nothing(tmp_path, monkeypatch):
+    path, said = tmp_path / "map.hdr", []
+    path.write_bytes(b"damaged")
+    with _kept_map.KeptMap(path, said.append) as kept:
+        assert kept.prior is None and "without an earlier map" in said[0]
+
+        def full(*_):
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(_kept_map, "write_environment", full)
+        monkeypatch.setattr(_kept_map, "_PERIOD", 0.0)
+        for _ in range(3):
+            kept.note(_Result(1.0))
+            kept._wait()
+    assert len(said) == 2 and "No space" in said[1] and path.read_bytes() == b"damaged"
+    with pytest.raises(ValueError, match=r"\.hdr, \.exr, \.ktx2, got map\.png"):
+        _kept_map.KeptMap(tmp_path / "map.png", print)
+
+
+def test_starting_anew_forgets_the_kept_map(tmp_path):
+    prior = fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32))
+    loop = LiveLoop(numbered(2), Choices(height=0.05), Settings("cube"), {"prior": prior}, folder=tmp_path)
+    shown = []
+    loop._after_frame = lambda session, played: shown.append(session)
+    loop.change({"restart": True})
+    loop.run(until_end=True)
+    assert loop._options == {} and shown
+
+
 def test_seconds_end_it_when_the_pictures_did_before(recording, tmp_path):
     command = [sys.executable, "-m", "fastibl", "live", "--recording", str(recording), "--folder", str(tmp_path)]
     done = subprocess.run([*command, "--seconds", "2", "--error", "0"], capture_output=True, text=True, timeout=60)
@@ -554,6 +654,8 @@ def test_a_given_map_is_as_bright_as_the_boards_white():
 def test_given_light_on_a_recording(recording, tmp_path, capsys):
     fastibl.write_environment(tmp_path / "room.hdr", fastibl.CubeMap(np.full((6, 8, 8, 3), 7.0, np.float32)))
     command = ["live", "--no-page", "--recording", str(recording), "--environment", str(tmp_path / "room.hdr")]
+    assert main([*command, "--keep", str(tmp_path / "kept.hdr")]) == 2
+    assert "leave one away" in capsys.readouterr().err
     assert main([*command, "--error", "0", "--out", str(tmp_path / "live.webm")]) == 0
     said = capsys.readouterr()
     assert "4 frames" in said.out and "as the board's white shows it" in said.err

@@ -20,6 +20,7 @@ from ._arguments import add_cameras, add_object, parser, picture_size, positive
 if TYPE_CHECKING:
     from ..live import Played
     from ..session import Session
+    from ._kept_map import KeptMap
     from ._live_source import Opened
 
 _ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -81,6 +82,13 @@ def _add_light(p: argparse._ArgumentGroup) -> None:
         metavar="HDR",
         help="light of the place as a map, instead of capturing it; with --simulate the place",
     )
+    p.add_argument(
+        "--keep",
+        type=Path,
+        metavar="MAP",
+        help=".hdr, .exr or .ktx2 file that keeps the captured light for the next start: read where it is there, and "
+        "written every 5 minutes and at the end",
+    )
     p.add_argument("--exposures", choices=("adaptive", "bracket", "constant"), default="adaptive", help="of the front")
     p.add_argument(
         "--flicker",
@@ -126,20 +134,21 @@ def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
     with ExitStack() as stack:
         stack.callback(close, opened.source)
         given = _given_light(arguments)
+        kept = None if arguments.keep is None else stack.enter_context(_kept(arguments.keep, given, log))
         watch = _Watch(arguments, opened, stack, given, log)
         arguments.folder.mkdir(parents=True, exist_ok=True)
         loop = LiveLoop(
             opened.source,
             choices,
             settings,
-            _session_options(arguments, opened, given),
+            _session_options(arguments, opened, given, kept),
             folder=arguments.folder.resolve(),
             about=opened.about,
             after_frame=watch.take,
             log=tell,
             watched=not arguments.no_page,
         )
-        log.to, watch.loop, ending.loop = loop.say, loop, loop
+        log.to, watch.loop, watch.kept, ending.loop = loop.say, loop, kept, loop
         if not arguments.no_page:
             server = PageServer(loop, arguments.port, notices=tuple(opened.notices), token=token)
             stack.enter_context(server)
@@ -182,7 +191,15 @@ def _given_light(arguments: argparse.Namespace) -> Any:
     return read_environment(arguments.environment) if given else None
 
 
-def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any) -> dict[str, Any]:
+def _kept(path: Path, given: Any, log: _Log) -> KeptMap:
+    from ._kept_map import KeptMap
+
+    if given is not None:
+        raise ValueError("--keep is of captured light; with --environment it is given: leave one away")
+    return KeptMap(path, log)
+
+
+def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any, kept: KeptMap | None) -> dict[str, Any]:
     distance = arguments.distance
     if opened.distance is not None and math.isinf(distance):
         distance = opened.distance
@@ -190,6 +207,7 @@ def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any) 
         "distance": distance,
         "most_boost": arguments.most_boost,
         "environment": given,
+        "prior": None if kept is None else kept.prior,
     }
 
 
@@ -259,6 +277,7 @@ class _Watch:
             raise self._video.error
         self._bar = stack.enter_context(tqdm(desc="live", unit="frame", disable=None))
         self.loop: Any = None
+        self.kept: KeptMap | None = None
         self._given = given  # a map of the light, if given
         self._lit: Session | None = None  # the session in which it has the brightness of this place
         self._frames = self._posed = self._refused = 0
@@ -270,6 +289,8 @@ class _Watch:
         result, source = played.result, self._opened.source
         if self._given is not None and session is not self._lit:
             self._light(session, played)
+        if result is not None and self.kept is not None:
+            self.kept.note(result)
         if result is not None and played.frame.back is not None:
             if self._video is not None:
                 self._video.add(result.image, played.frame.time)

@@ -346,6 +346,7 @@ class LiveLoop:
         if not getattr(self.source, "live", False):
             self._end_recording()  # the source's times begin again
         self._restarting = True
+        self._options.pop("prior", None)  # light of earlier is forgotten, too
         self._note(freeze=False)
 
     def _set_shadow(self, value: bool) -> bool:
