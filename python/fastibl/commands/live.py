@@ -348,7 +348,7 @@ class _Watch:
 
     def _print_summary(self) -> None:
         print(
-            ("" if self.out is None else f"{self.out}: ")
+            ("" if self._video is None or self._video.error else f"{self.out}: ")
             + f"{self._frames} frames, board seen in {self._posed}, {self._refused} with pictures left out, "
             f"{self._dropped} pictures not asked for in time; "
             f"predicted error of the irradiance {100 * self._error:.1f} %"
