@@ -109,6 +109,13 @@ def test_shell_blocks_name_what_there_is(block):
             PROGRAMS[program](words[1:])
 
 
+@pytest.mark.parametrize("block", documents.every_block("ini"), ids=str)
+def test_units_start_what_there_is(block):
+    (line,) = re.findall(r"^ExecStart=(.*)$", block.text.replace("\\\n", " "), re.M)
+    program, *words = shlex.split(line)
+    PROGRAMS[program.rpartition("/")[2]](words)
+
+
 @pytest.mark.parametrize("block", documents.every_block("cpp", "c++"), ids=str)
 def test_cpp_blocks_compile(block, tmp_path):
     """A whole program as it stands; statements within a function, after the includes."""
@@ -145,6 +152,7 @@ def test_blocks_say_what_they_are():
                 "json",
                 "text",
                 "html",
+                "ini",
                 "js",
                 "yaml",
                 "",
