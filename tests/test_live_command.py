@@ -29,6 +29,7 @@ from fastibl.commands._live_source import open_source
 from fastibl.commands.live import _Ending, _Log, _Watch
 from fastibl.live_camera import LiveCamera, open_camera
 from fastibl.live_page import Choices, LiveLoop, Settings
+from fastibl.live_page import loop as loop_module
 
 
 class FakeCapture:
@@ -200,6 +201,32 @@ def test_cameras_are_waited_for_without_limit(plug, tmp_path):
     loop.stop()
     thread.join(10)
     assert not thread.is_alive() and not loop.source.gave_up
+
+
+class _FrontAlone:
+    """A back picture, and then those of the front camera."""
+
+    board = None
+
+    def __init__(self):
+        camera = fastibl.Camera(64, 48, 50, 50, 32, 24)
+        self.rig = fastibl.Rig(camera, camera, fastibl.Pose())
+
+    def __iter__(self):
+        for k in range(4):
+            picture = np.full((48, 64, 3), 40 + k, np.uint8)
+            yield fastibl.Frame(k, *((None, picture) if k else (picture, None)))
+
+
+def test_a_back_camera_that_is_away_is_told_while_the_front_goes_on(tmp_path, monkeypatch):
+    white = fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32))
+    states = []
+    for late in (-1.0, 1e9):
+        monkeypatch.setattr(loop_module, "_LATE", late)
+        loop = LiveLoop(_FrontAlone(), Choices(height=0.05), Settings("cube"), {"environment": white}, folder=tmp_path)
+        loop._after_frame = lambda session, played, loop=loop: states.append(loop.latest.get().state)
+        loop.run(until_end=True)
+    assert states == ["running", "waiting", "waiting", "waiting"] + ["running"] * 4
 
 
 def test_patience_ends_it_with_an_exit_code(plug, tmp_path, monkeypatch, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -133,7 +134,7 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
         arguments.front,
         board_of(arguments.board),
         schedules={"front": schedule} if schedule else None,
-        **({} if arguments.patience is None else {"patience": arguments.patience}),
+        patience=math.inf if arguments.patience is None else arguments.patience,
         log=log,
         **options,
     )
