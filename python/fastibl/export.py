@@ -69,7 +69,7 @@ def export_light(
     see write_environment. "ktx2" or "dds", half floats: environment.ktx2, irradiance.ktx2, and all levels in one
     prefiltered.ktx2. Light that half floats cannot hold (brighter than 65504, or 1/1024 in the mean) is divided by a
     power of two, with a warning: the "intensity" of light.json, which a renderer multiplies these cubes by.
-    handedness: that of all cubes' coordinates, as in write_environment.
+    handedness: that of all cubes' coordinates, as in write_environment; harmonics and lights are in the axes.
     sh: which conventions of `write_sh` to write, as sh.txt and sh.json ("filament"), probe.txt and probe.json
     ("three.js").
     gltf: whether to write light.glb, see `write_gltf_light`; usd: whether to write light.usda, see `write_usd`.

@@ -38,9 +38,10 @@ struct Irradiance {
   std::array<glm::vec3, 6> faces{};  // mean radiance of each face; for the methods by faces
   // sh9, sh9-lobes: radiance times the cosine's coefficients times the basis constants, so that
   // E = c0 + c1 y + c2 z + c3 x + c4 xy + c5 yz + c6 (3z² − 1) + c7 xz + c8 (x² − y²).
-  std::array<glm::vec3, 9> polynomial{};           // sh9-lobes: less the lobes' own part
-  Lobes lobes;                                     // sh9-lobes
-  std::shared_ptr<const CubeLevel> cube;           // irradiance-cube: E at the texels' directions
+  std::array<glm::vec3, 9> polynomial{};  // sh9-lobes: less the lobes' own part
+  Lobes lobes;                            // sh9-lobes
+  // irradiance-cube: E by bilinear look-ups; texels themselves are sharpened for these.
+  std::shared_ptr<const CubeLevel> cube;
   std::shared_ptr<const FadingIrradiance> fading;  // of an irradiance-cube, or null
 };
 glm::vec3 evaluate(const Irradiance& irradiance, glm::vec3 unit_normal);  // never negative
