@@ -413,6 +413,18 @@ def test_a_clock_that_starts_anew():
         np.testing.assert_array_equal(a.environment.radiance.faces, b.environment.radiance.faces)
 
 
+def test_times_that_do_not_go_on_are_told():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for k in range(62):
+            session.process(given(k // 2))  # two cameras at a time
+    with pytest.warns(UserWarning, match="31 frames in a row have the time 40 s") as told:
+        for _ in range(40):
+            session.process(given(40.0))
+    assert len(told) == 1 and told[0].filename == __file__
+
+
 def test_a_failing_detector_passes_its_error_on():
     def fails(grey, board, camera):
         raise KeyError("no such tag")

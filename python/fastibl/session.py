@@ -36,6 +36,7 @@ from .tracking import detect
 
 Methods = str | Mapping[str, str | Method] | _Methods
 _FAR = 1e6  # seconds from one frame to the next, 11 days, that are rather nanoseconds or a slip
+_MOST_AT_ONCE = 30  # frames after another of the same time
 
 
 def make_plan(
@@ -200,6 +201,7 @@ class Session(_Session):
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
         self._given_poses = GivenPoses(rig.back, board)
         self._last_time: float | None = None  # of a frame
+        self._same_times = 0  # frames after another of that time
         if cast_shadow:
             bake_shadow(scene, resolved.shadow)
         super().__init__(
@@ -231,15 +233,10 @@ class Session(_Session):
 
         Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
         runs backwards (see `restart_clock`), an attitude that is no rotation, or a frame with neither picture nor pose;
-        TypeError for other dtypes. Warns of a time that is days after the last frame's.
+        TypeError for other dtypes. Warns of a time that is days after the last frame's, and of many equal ones.
         """
         expect(frame, Frame, "frame")
-        if self._last_time is not None and frame.time - self._last_time > _FAR:
-            warnings.warn(
-                f"the frame's time is {frame.time - self._last_time:.3g} s after the last one's: times are in seconds; "
-                "where this one was wrong, session.restart_clock() takes others again",
-                stacklevel=2,
-            )
+        self._watch_times(frame.time)
         result = self._process(
             frame.time,
             frame.back,
@@ -250,7 +247,6 @@ class Session(_Session):
             frame.back_last_row,
             frame.attitude,
         )
-        self._last_time = frame.time
         if frame.back_from_marker is not None and self._given_poses.due:
             vertices = self._drawn.mesh.vertices
             middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
@@ -258,6 +254,23 @@ class Session(_Session):
             drawn = bool(self.object.rgba[..., 3].any())
             self._given_poses.ask(present(result.back_from_marker), frame.back, places, drawn)
         return result
+
+    def _watch_times(self, time: float) -> None:
+        """Warns of times that cannot be seconds. To be called by process(), whose caller is told."""
+        last, self._last_time = self._last_time, time
+        self._same_times = self._same_times + 1 if time == last else 0
+        if last is not None and time - last > _FAR:
+            warnings.warn(
+                f"the frame's time is {time - last:.3g} s after the last one's: times are in seconds; where this one "
+                "was wrong, session.restart_clock() takes others again",
+                stacklevel=3,
+            )
+        if self._same_times == _MOST_AT_ONCE:
+            warnings.warn(
+                f"{_MOST_AT_ONCE + 1} frames in a row have the time {time:g} s: what lasts, such as a lamp that was "
+                "switched on, is not told from what passes",
+                stacklevel=3,
+            )
 
     def restart_clock(self) -> None:
         """Let the next frame have any time: a camera's clock was set, or one frame had a wrong time.
