@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..environment_files import read_environment, write_environment
-from ..pictures import openexr
 
 if TYPE_CHECKING:
     from .._fastibl import CubeMap, FrameResult
 
-_ENDINGS = (".hdr", ".exr", ".ktx2")
 _PERIOD = 300.0  # seconds between writings
 _DARK = 0.02  # share of the brightest map's radiance below which a map is not kept: what is unseen has no light then
 
@@ -23,14 +21,13 @@ class KeptMap:
     """Reads a map at the start, as `prior`, and writes what was captured every few minutes and on close().
 
     say: called with one line when the file cannot be read or written, which ends nothing. A context manager.
-    Raises ValueError for another ending, ImportError for .exr without OpenEXR.
+    Raises ValueError for another ending than .ktx2, a cube map of the session's own texels: an equirectangular picture
+    would blur the unseen sky a little more with each start.
     """
 
     def __init__(self, path: Path, say: Callable[[str], None]):
-        if path.suffix.lower() not in _ENDINGS:
-            raise ValueError(f"a map that is kept must end in {', '.join(_ENDINGS)}, got {path.name}")
-        if path.suffix.lower() == ".exr":
-            openexr()
+        if path.suffix.lower() != ".ktx2":
+            raise ValueError(f"a map that is kept must end in .ktx2, got {path.name}")
         self.path, self._say = path, say
         self.prior = self._read()
         self._brightest = 0.0 if self.prior is None else _brightness(self.prior)

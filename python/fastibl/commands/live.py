@@ -85,9 +85,9 @@ def _add_light(p: argparse._ArgumentGroup) -> None:
     p.add_argument(
         "--keep",
         type=Path,
-        metavar="MAP",
-        help=".hdr, .exr or .ktx2 file that keeps the captured light for the next start: read where it is there, and "
-        "written every 5 minutes and at the end",
+        metavar="KTX2",
+        help="file that keeps the captured light for the next start: read where it is there, and written every 5 "
+        "minutes and at the end",
     )
     p.add_argument("--exposures", choices=("adaptive", "bracket", "constant"), default="adaptive", help="of the front")
     p.add_argument(
