@@ -197,10 +197,108 @@ def test_obj_errors(text, words, tmp_path):
     same_error(lambda: read(tmp_path, "a.obj", text), ValueError, "a.obj", *words)
 
 
-def test_far_meshes_are_told(tmp_path):
-    far = "".join(f"v {500000 + x} {4649776 + y} 120\n" for x, y in ((0, 0), (1, 0), (0, 1))) + "f 1 2 3"
-    with pytest.warns(UserWarning, match=r"a.obj is 1 wide .* rounded to 0.3"):
-        read(tmp_path, "a.obj", far)
+# --- far from the origin
+
+MAP = np.array([500000.125, 4649776.5, 120.0])  # metres, as in a map; float32 has steps of 0.5 there
+
+
+def bumps():
+    """A wavy square of 1 m with detail of millimetres: points and triangles."""
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9)))
+    points = np.round(np.stack([x, y, 0.003 * np.sin(9 * x) * np.cos(7 * y)], axis=1), 6)
+    i = np.arange(72).reshape(8, 9)[:, :8].ravel()
+    return points, np.concatenate([np.stack([i, i + 1, i + 9], axis=1), np.stack([i + 1, i + 10, i + 9], axis=1)])
+
+
+def far_obj(path, points, triangles):
+    lines = ["v {:.6f} {:.6f} {:.6f}".format(*p) for p in points]
+    path.write_text("\n".join(["v 0 0 0", *lines, *("f {} {} {}".format(*t) for t in triangles + 2)]))  # 1: unused
+
+
+def far_ply(path, points, triangles, kind="f8"):
+    vertices = np.zeros(len(points), np.dtype([("p", f"<{kind}", 3)]))
+    vertices["p"] = points
+    faces = np.zeros(len(triangles), np.dtype([("n", "u1"), ("i", "<i4", 3)]))
+    faces["n"], faces["i"] = 3, triangles
+    name = {"f8": "double", "f4": "float"}[kind]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property {name} {axis}\n" for axis in "xyz")
+    head += f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    path.write_bytes(head.encode() + vertices.tobytes() + faces.tobytes())
+
+
+def far_off(path, points, triangles):
+    rows = [f"OFF\n{len(points)} {len(triangles)} 0"] + [" ".join(map(repr, map(float, p))) for p in points]
+    path.write_text("\n".join([*rows, *("3 {} {} {}".format(*t) for t in triangles)]) + "\n")
+
+
+def far_glb(path, points, triangles):
+    """The node is far away, its mesh is not."""
+    file, middle = Gltf(), points.mean(axis=0)
+    attributes = {
+        "POSITION": file.add(np.float32(points - middle)), "NORMAL": file.add(np.float32([(0, 0, 1)] * len(points)))
+    }  # fmt: skip
+    primitive = {"attributes": attributes, "indices": file.add(triangles.astype(np.uint32).reshape(-1))}
+    file.write(path, [primitive], nodes=[{"mesh": 0, "translation": middle.tolist()}])
+
+
+FAR = {"a.obj": far_obj, "a.ply": far_ply, "a.off": far_off, "a.gltf": far_glb}
+
+
+@pytest.mark.parametrize("name", FAR)
+def test_far_meshes_keep_their_detail(name, tmp_path):
+    """A whole offset is subtracted in float64."""
+    points, triangles = bumps()
+    FAR[name](tmp_path / name, points + MAP, triangles)
+    said = rf"{name} is 1 wide and 4.64978e\+06 away .* to 0.3: \(500001, 4649777, 120\) is subtracted from them$"
+    with pytest.warns(UserWarning, match=said) as told:
+        mesh = fastibl.read_mesh(tmp_path / name, up="z")
+    assert len(told) == 1 and told[0].filename == __file__
+    assert len(mesh.vertices) == len(points)
+    wanted = points + (MAP - (500001, 4649777, 120))
+    np.testing.assert_allclose(mesh.vertices[mesh.triangles], wanted[triangles], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.gltf"])
+def test_far_objects_keep_their_detail(name, tmp_path):
+    points, triangles = bumps()
+    FAR[name](tmp_path / name, points + MAP, triangles)
+    if name == "a.obj":
+        (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 0 0\n")
+        path = tmp_path / name
+        path.write_text(path.read_text().replace("v 0 0 0", "mtllib a.mtl\nusemtl a\nv 0 0 0"))
+    with pytest.warns(UserWarning, match="is subtracted from them"):
+        mesh, _ = fastibl.read_object(tmp_path / name, up="z")
+    wanted = points + (MAP - (500001, 4649777, 120))
+    np.testing.assert_allclose(mesh.vertices[mesh.triangles], wanted[triangles], atol=1e-6)
+
+
+def test_what_a_far_file_has_rounded_itself_is_said(tmp_path):
+    points, triangles = bumps()
+    far_ply(tmp_path / "a.ply", points + MAP, triangles, "f4")
+    with pytest.warns(UserWarning, match="is subtracted from them; the file holds them rounded so already"):
+        fastibl.read_mesh(tmp_path / "a.ply", up="z")
+
+
+@pytest.mark.parametrize("name", FAR)
+@pytest.mark.parametrize("shift", [0.0, 1000.0])
+def test_meshes_that_float32_keeps_stay_where_they_are(shift, name, tmp_path):
+    points, triangles = bumps()
+    FAR[name](tmp_path / name, points + shift, triangles)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mesh = fastibl.read_mesh(tmp_path / name, up="z")
+    wanted = np.float32(points + shift)
+    np.testing.assert_allclose(mesh.vertices[mesh.triangles], wanted[triangles], atol=1e-4 if shift else 1e-7)
+
+
+def test_small_far_meshes_are_moved_by_decimals(tmp_path):
+    points, triangles = bumps()
+    far_ply(tmp_path / "a.ply", 1e-3 * points + (12.34567, 0, 0), triangles)
+    with pytest.warns(UserWarning, match=r"\(12.346, 0.001, 0\) is subtracted from them$"):
+        mesh = fastibl.read_mesh(tmp_path / "a.ply", up="z")
+    wanted = 1e-3 * points + (12.34567 - 12.346, -0.001, 0)
+    np.testing.assert_allclose(mesh.vertices[mesh.triangles], wanted[triangles], atol=1e-10)
 
 
 # --- .ply

@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <string>
 #include <vector>
@@ -12,27 +13,35 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/obj_file.h"
+#include "fastibl/scene/rounded_places.h"
 
 namespace fastibl::bindings {
 
 void bind_mesh(py::module_& module) {
   module.def(
       "_read_obj",
-      [](const py::bytes& content, bool uvs, bool colors) {
+      [](const py::bytes& content, bool uvs, bool colors) -> py::object {
         const std::string_view text = content;
-        const py::gil_scoped_release release;
-        return read_obj(text, {.uvs = uvs, .colors = colors});
+        glm::dvec3 offset;
+        Mesh mesh;
+        {
+          const py::gil_scoped_release release;
+          mesh = read_obj(text, {.uvs = uvs, .colors = colors}, nullptr, &offset);
+        }
+        return py::make_tuple(std::move(mesh), triple(offset));
       },
-      py::arg("content"), py::arg("uvs") = false, py::arg("colors") = false);
+      py::arg("content"), py::arg("uvs") = false, py::arg("colors") = false,
+      "Mesh, and what was subtracted from its places.");
   module.def(
       "_read_obj_materials",
       [](const py::bytes& content) -> py::object {
         const std::string_view text = content;
         ObjMaterials materials;
+        glm::dvec3 offset;
         Mesh mesh;
         {
           const py::gil_scoped_release release;
-          mesh = read_obj(text, {.uvs = true, .colors = true}, &materials);
+          mesh = read_obj(text, {.uvs = true, .colors = true}, &materials, &offset);
         }
         const auto names = [](const std::vector<std::string>& all) {
           py::list out;
@@ -43,10 +52,20 @@ void bind_mesh(py::module_& module) {
         };
         return py::make_tuple(mesh, names(materials.libraries), names(materials.names),
                               py::array_t<int>(py::ssize_t(materials.of_triangles.size()),
-                                               materials.of_triangles.data()));
+                                               materials.of_triangles.data()),
+                              triple(offset));
       },
       py::arg("content"),
-      "Mesh with uvs and colours, libraries, names, and the material of each triangle.");
+      "Mesh with uvs and colours, libraries, names, the material of each triangle, and what was "
+      "subtracted from the places.");
+  module.def(
+      "_offset_before_rounding",
+      [](const std::array<double, 3>& lower, const std::array<double, 3>& upper) {
+        return triple(
+            offset_before_rounding({lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}));
+      },
+      py::arg("lower"), py::arg("upper"),
+      "What a reader subtracts from places in this box before it rounds them to float32.");
   module.def(
       "_polygon_triangles",
       [](const py::array_t<double, py::array::c_style | py::array::forcecast>& corners) {

@@ -2022,6 +2022,10 @@ def _next_view(environment: Environment, looking: typing.Any) -> tuple[typing.An
     """
     Direction (3,) in whose surroundings most light is unseen, or None, and its share.
     """
+def _offset_before_rounding(lower: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], upper: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]) -> tuple:
+    """
+    What a reader subtracts from places in this box before it rounds them to float32.
+    """
 def _plan_seconds(scene: Scene, environment: Environment, repetitions: typing.SupportsInt | typing.SupportsIndex) -> tuple[float, float]:
     """
     CPU seconds of make_plan with measured errors, and of measuring them for light that changes.
@@ -2031,10 +2035,12 @@ def _polygon_triangles(corners: typing.Annotated[numpy.typing.ArrayLike, numpy.f
 def _prefilter(lighting: _Lighting, levels: collections.abc.Sequence[tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex, bool]], model: str, error: typing.SupportsFloat | typing.SupportsIndex) -> list[CubeMap]:
     ...
 def _read_obj(content: bytes, uvs: bool = False, colors: bool = False) -> typing.Any:
-    ...
+    """
+    Mesh, and what was subtracted from its places.
+    """
 def _read_obj_materials(content: bytes) -> typing.Any:
     """
-    Mesh with uvs and colours, libraries, names, and the material of each triangle.
+    Mesh with uvs and colours, libraries, names, the material of each triangle, and what was subtracted from the places.
     """
 def _refine_corners(grey: typing.Annotated[numpy.typing.ArrayLike, numpy.uint8], tags: typing.Any, border_bits: typing.SupportsInt | typing.SupportsIndex, camera: Camera) -> list[DetectedTag]:
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable
 from numbers import Real
 from pathlib import Path
@@ -16,9 +15,11 @@ from . import gltf, obj_object
 from ._fastibl import Material, Mesh, Response, _polygon_triangles, _read_obj
 from .expected import expect
 from .file_limits import MOST_CORNERS, check_file_size, file_bytes
+from .rounded_places import Offset, offset_of, warn_of_offset
 
 _MOST_HEADER = 2**20  # bytes of the header of a .ply
 _COLOURED = (".obj", ".ply")  # endings of files whose vertices may have colours
+_Found = tuple[Mesh, Offset]
 _COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"))  # in a .ply
 
 
@@ -30,8 +31,9 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
     requires. uvs: whether to keep those of an .obj, for textures of Material.pbr; vertices are divided at seams,
     corners without uvs get (0, 0), and a file without uvs gives Mesh.uvs None. colors: whether to keep the vertices'
     colours of an .obj (as MeshLab writes them) or .ply, which are taken as sRGB; a file without colours gives
-    Mesh.colors None. Polygons are cut into triangles. Raises FileNotFoundError; ValueError for a file that is not such
-    a mesh, is damaged, or is larger than fastibl.file_limits allows, and for the uvs or colours of other files.
+    Mesh.colors None. Polygons are cut into triangles. Of a mesh that lies so far from its origin that float32 would
+    round it, a common offset is subtracted, with a warning. Raises FileNotFoundError; ValueError for a file that is not
+    such a mesh, is damaged, or is larger than fastibl.file_limits allows, and for the uvs or colours of other files.
     """
     path = _existing(path, up, "mesh")
     if path.suffix.lower() not in _READERS:  # trimesh's other formats are archives, or fetch files that they name
@@ -44,12 +46,13 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
         )
     check_file_size(path)
     try:
-        mesh = _READERS[path.suffix.lower()](path, uvs, colors)
+        found = _READERS[path.suffix.lower()](path, uvs, colors)
     except Exception as error:  # trimesh and plyfile may raise anything
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
-    if mesh is None or len(mesh.triangles) == 0:
+    if found is None or len(found[0].triangles) == 0:
         raise ValueError(f"{path} holds no triangles")
-    _warn_if_far(path, mesh, stacklevel=3)
+    mesh, offset = found
+    warn_of_offset(path, mesh, offset, stacklevel=2)
     return _turned(mesh, up)
 
 
@@ -77,10 +80,10 @@ def mesh_and_material(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh
     else:
         _existing(path, up, "object")
         try:
-            mesh, material = reader(path)
+            mesh, material, offset = reader(path)
         except ValueError as error:
             raise ValueError(f"{path} is not an object that can be read: {error}") from error
-        _warn_if_far(path, mesh, stacklevel=4)
+        warn_of_offset(path, mesh, offset, stacklevel=3)
         mesh = _turned(mesh, up)
     if material is None and mesh.colors is not None:
         material = Material(diffuse=(1, 1, 1))
@@ -102,49 +105,41 @@ def _turned(mesh: Mesh, up: str) -> Mesh:
     return Mesh(turn(mesh.vertices), mesh.triangles, mesh.uvs, turn(mesh._given_normals), mesh.colors)
 
 
-def _warn_if_far(path: Path, mesh: Mesh, stacklevel: int) -> None:
-    """Coordinates are kept with 24 bits: a scan in the coordinates of a map keeps too few of them for its detail."""
-    size, away = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
-    if size < 1e-4 * away:
-        warnings.warn(
-            f"{path} is {size:g} wide and {away:g} away from its origin: its places are rounded to {away * 6e-8:.1g}; "
-            "move it to its origin first",
-            stacklevel=stacklevel,
-        )
-
-
 def _merged(
     vertices: NDArray, triangles: NDArray, normals: NDArray | None = None, colors: NDArray | None = None
-) -> Mesh:
+) -> tuple[Mesh, Offset]:
     """Vertices at one place with the same normal and colour become one vertex; vertices of no triangle are dropped."""
-    both = np.asarray(vertices, np.float32) + 0.0  # turns -0 into 0
-    if both.shape[1:] != (3,):
-        raise ValueError(f"expected vertices of 3 coordinates, got {both.shape[1:]}")
+    if vertices.shape[1:] != (3,):
+        raise ValueError(f"expected vertices of 3 coordinates, got {vertices.shape[1:]}")
+    used, named = np.unique(triangles, return_inverse=True)
+    offset = offset_of([vertices[used]])
+    both = np.asarray(vertices - offset.xyz if any(offset.xyz) else vertices, np.float32) + 0.0  # turns -0 into 0
     for more in (normals, colors):
         if more is not None:
             both = np.hstack([both, np.asarray(more, np.float32) + 0.0])
-    used, named = np.unique(triangles, return_inverse=True)
     _, first, same = np.unique(both[used], axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # keeps the order of the file
     number = np.empty(len(order), np.int64)
     number[order] = np.arange(len(order))
     kept = both[used[first[order]]]
-    return Mesh(
+    mesh = Mesh(
         kept[:, :3], number[same.reshape(-1)][named.reshape(-1)].reshape(-1, 3), None,
         None if normals is None else kept[:, 3:6], None if colors is None else kept[:, -3:],
     )  # fmt: skip
+    return mesh, offset
 
 
-def _read_obj_file(path: Path, uvs: bool, colors: bool) -> Mesh:
-    return _read_obj(file_bytes(path), uvs, colors)
+def _read_obj_file(path: Path, uvs: bool, colors: bool) -> _Found:
+    mesh, offset = _read_obj(file_bytes(path), uvs, colors)
+    return mesh, Offset(offset)
 
 
-def _read_gltf(path: Path, *_: bool) -> Mesh:
-    mesh = gltf.read_geometry(path)
-    return _merged(mesh.vertices, mesh.triangles, mesh.normals)
+def _read_gltf(path: Path, *_: bool) -> _Found:
+    mesh, offset = gltf.read_geometry(path)
+    return _merged(mesh.vertices, mesh.triangles, mesh.normals)[0], offset
 
 
-def _read_ply(path: Path, _: bool, colors: bool) -> Mesh | None:
+def _read_ply(path: Path, _: bool, colors: bool) -> _Found | None:
     from plyfile import PlyData
 
     _check_elements(path)
@@ -205,7 +200,7 @@ def _check_elements(path: Path) -> None:
         raise ValueError(f"its header counts elements of {least} bytes or more; it has {size}")
 
 
-def _read_by_trimesh(path: Path, *_: bool) -> Mesh | None:
+def _read_by_trimesh(path: Path, *_: bool) -> _Found | None:
     import trimesh
 
     loaded: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
@@ -214,11 +209,11 @@ def _read_by_trimesh(path: Path, *_: bool) -> Mesh | None:
     return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64))
 
 
-_OBJECTS: dict[str, Callable[[Path], tuple[Mesh, Material | None]]] = {
+_OBJECTS: dict[str, Callable[[Path], tuple[Mesh, Material | None, Offset]]] = {
     ".glb": gltf.read, ".gltf": gltf.read, ".obj": obj_object.read,
 }  # fmt: skip
 # The reader of each kind of file; its arguments are the path, whether uvs are wanted, and whether colours are.
-_READERS: dict[str, Callable[[Path, bool, bool], Mesh | None]] = {
+_READERS: dict[str, Callable[[Path, bool, bool], _Found | None]] = {
     ".obj": _read_obj_file, ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
     ".stl": _read_by_trimesh, ".off": _read_by_trimesh,
 }  # fmt: skip

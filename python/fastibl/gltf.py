@@ -27,6 +27,7 @@ from .file_limits import MOST_TRIANGLES, MOST_VERTICES
 from .gltf_container import DAMAGES, WIDTHS, Container, NotThere, transform
 from .one_material import joined
 from .parts import Part, alike, cut_away, mesh_of
+from .rounded_places import Offset, offset_of
 from .surfaces import Cutout, Lie, Pictures, Surface, Texture
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -395,22 +396,39 @@ def _warn_of(path: Path, left_out: list[str], stacklevel: int) -> None:
         warnings.warn(f"{path}: left out are {', '.join(left_out)}", stacklevel=stacklevel)
 
 
-def read_geometry(path: Path) -> Mesh:
-    """Reads the mesh alone, in the file's frame (y up). Raises ValueError for what cannot be read, and says why."""
+def _subtract_offset(parts: list[Part]) -> Offset:
+    offset = offset_of([part.vertices for part in parts])
+    if any(offset.xyz):
+        for part in parts:
+            part.vertices = part.vertices - offset.xyz
+    return offset
+
+
+def read_geometry(path: Path) -> tuple[Mesh, Offset]:
+    """Reads the mesh alone, in the file's frame (y up), and what was subtracted from its places.
+
+    Raises ValueError for what cannot be read, and says why.
+    """
     try:
         file = _File(path)
-        mesh = mesh_of(file.parts())
+        parts = file.parts()
+        offset = _subtract_offset(parts)
+        mesh = mesh_of(parts)
     except DAMAGES as error:
         raise ValueError(f"it is damaged ({type(error).__name__}: {error})") from error
     _warn_of(path, file.left_out(_OF_MESHES), stacklevel=5)
-    return mesh
+    return mesh, offset
 
 
-def read(path: Path) -> tuple[Mesh, Material]:
-    """Reads mesh, in the file's frame (y up), and material. Raises ValueError for what cannot be read, and says why."""
+def read(path: Path) -> tuple[Mesh, Material, Offset]:
+    """Reads mesh, in the file's frame (y up), and material, and what was subtracted from the mesh's places.
+
+    Raises ValueError for what cannot be read, and says why.
+    """
     try:
         file = _File(path, with_tangents=True)
         parts = file.parts()
+        offset = _subtract_offset(parts)
         surfaces = alike(parts, {m: file.surface(m) for m in sorted({p.material for p in parts})})
         for part in parts:
             if not part.lay(surfaces[part.material]):
@@ -428,4 +446,4 @@ def read(path: Path) -> tuple[Mesh, Material]:
             "bumps look lit from elsewhere",
             stacklevel=4,
         )
-    return mesh, material
+    return mesh, material, offset

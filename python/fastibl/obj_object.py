@@ -25,6 +25,7 @@ from .file_limits import FolderFiles, OutsideFolder, file_bytes
 from .one_material import joined
 from .parts import Part, alike, cut_away, mesh_of
 from .pictures import unit
+from .rounded_places import Offset
 from .surfaces import Cutout, Lie, Pictures, Surface, Texture
 
 _ARGUMENTS = {  # number of arguments of a picture's options; where it is 3, one to three numbers may follow
@@ -44,21 +45,22 @@ _GREY = 0.8  # of parts without a material
 _MOST_TEXT = 2**24  # bytes of a .mtl
 
 
-def read(path: Path) -> tuple[Mesh, Material | None]:
-    """Mesh in the file's frame, with its colours, and material; None where no material is defined.
+def read(path: Path) -> tuple[Mesh, Material | None, Offset]:
+    """Mesh in the file's frame, with its colours; material, None where none is defined; and what was subtracted from
+    the mesh's places.
 
     Raises ValueError for what cannot be read, and says why.
     """
     data = file_bytes(path)
     if b"mtllib" not in data:  # parsed once
-        return _read_obj(data, colors=True), None
-    mesh, libraries, names, of_triangles = _read_obj_materials(data)
+        return _plain(data)
+    mesh, libraries, names, of_triangles, offset = _read_obj_materials(data)
     library = _Library(path, len(data))
     for line in libraries:
         library.read(line)
     if not library.materials:
         library.warn()
-        return _read_obj(data, colors=True), None
+        return _plain(data)
     parts = _parts(mesh, of_triangles)
     surfaces = {part.material: library.surface(names[part.material] if part.material >= 0 else "") for part in parts}
     surfaces = alike(parts, surfaces)
@@ -68,7 +70,12 @@ def read(path: Path) -> tuple[Mesh, Material | None]:
     parts, left_out = cut_away(parts, surfaces)
     library.warn(left_out)
     material = joined(path, parts, surfaces, stacklevel=4)
-    return mesh_of(parts), material
+    return mesh_of(parts), material, Offset(offset)
+
+
+def _plain(data: bytes) -> tuple[Mesh, None, Offset]:
+    mesh, offset = _read_obj(data, colors=True)
+    return mesh, None, Offset(offset)
 
 
 def _parts(mesh: Mesh, of_triangles: NDArray[np.int32]) -> list[Part]:

@@ -13,6 +13,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/scene/response.h"
+#include "fastibl/scene/rounded_places.h"
 
 namespace fastibl {
 namespace {
@@ -219,6 +220,21 @@ Mesh merged(const std::vector<Vertex>& vertices, const std::vector<Corner>& corn
   return mesh;
 }
 
+// Subtracts what keeps the places that faces name from being rounded away, and returns it. Names
+// that are out of range are told later.
+glm::dvec3 subtract_offset(std::vector<glm::dvec3>& places, const std::vector<Corner>& corners) {
+  glm::dvec3 lower(std::numeric_limits<double>::infinity()), upper = -lower;
+  for (const Corner& corner : corners) {
+    if (corner[0] >= long(places.size())) continue;
+    lower = glm::min(lower, places[std::size_t(corner[0])]);
+    upper = glm::max(upper, places[std::size_t(corner[0])]);
+  }
+  const glm::dvec3 offset = offset_before_rounding(lower, upper);
+  if (offset != glm::dvec3(0))
+    for (glm::dvec3& place : places) place -= offset;
+  return offset;
+}
+
 // Normals of the corners, as a scene works them out for a mesh of these places alone.
 std::vector<glm::vec3> smooth_normals(std::vector<Vertex> vertices,
                                       const std::vector<Corner>& corners,
@@ -278,7 +294,8 @@ std::vector<glm::ivec3> polygon_triangles(const std::vector<glm::dvec3>& polygon
   return result;
 }
 
-Mesh read_obj(std::string_view text, const ObjOptions& options, ObjMaterials* materials) {
+Mesh read_obj(std::string_view text, const ObjOptions& options, ObjMaterials* materials,
+              glm::dvec3* offset) {
   if (materials) *materials = {};
   std::unordered_map<std::string, int> material_numbers;
   int material = -1;
@@ -329,6 +346,8 @@ Mesh read_obj(std::string_view text, const ObjOptions& options, ObjMaterials* ma
   const bool with_normals =
       with_uvs || materials || std::any_of(corners.begin(), corners.end(), has(2));
   make_linear(colors);
+  const glm::dvec3 subtracted = subtract_offset(places, corners);
+  if (offset) *offset = subtracted;
 
   std::vector<Vertex> vertices;  // of the corners
   std::vector<glm::ivec3> triangles;

@@ -29,9 +29,10 @@ struct ObjMaterials {
 // triangles. Corners with the same place and the same normal become one vertex. If some corners
 // have normals in the file, they keep them, and the others get the normals that a scene computes
 // from the places alone. materials: filled if given; then all normals are given, because the mesh
-// may be divided by material. Throws std::invalid_argument, naming the line.
+// may be divided by material. offset: of a mesh that lies far from its origin, what was subtracted
+// from its places, see offset_before_rounding. Throws std::invalid_argument, naming the line.
 Mesh read_obj(std::string_view text, const ObjOptions& options = {},
-              ObjMaterials* materials = nullptr);
+              ObjMaterials* materials = nullptr, glm::dvec3* offset = nullptr);
 
 // Cuts a polygon into triangles of three of its corners (0 … n − 1), by its ears, from the first
 // on; a convex polygon becomes a fan. Throws std::invalid_argument for fewer than 3 corners.
