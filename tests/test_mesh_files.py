@@ -1,6 +1,7 @@
 """Mesh files as programs write them: polygons, normals, strips, skins, names of indices, faults."""
 
 import base64
+import gc
 import json
 import struct
 import warnings
@@ -331,6 +332,15 @@ def test_ply_of_triangles_and_quads(form, tmp_path):
     mesh = read(tmp_path, "a.ply", ply(form, MIXED))
     assert len(mesh.vertices) == 8 and len(mesh.triangles) == 12
     assert area_of(mesh) == pytest.approx(6) and volume_of(mesh) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("form", [b"ascii", b"binary_little_endian"])
+def test_ply_leaves_no_file_open(form, tmp_path):
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", ResourceWarning)
+        read(tmp_path, "a.ply", ply(form, MIXED))
+        gc.collect()
+    assert not told
 
 
 def test_ply_with_normals_and_with_uvs_of_corners(tmp_path):

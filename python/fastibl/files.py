@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Callable
 from numbers import Real
@@ -143,8 +144,7 @@ def _read_ply(path: Path, _: bool, colors: bool) -> _Found | None:
     from plyfile import PlyData
 
     _check_elements(path)
-    with open(path, "rb") as file:
-        data = PlyData.read(file, mmap=False, known_list_len={})
+    data = PlyData.read(io.BytesIO(file_bytes(path)), mmap=False, known_list_len={})  # of text, it leaves files open
     if "face" not in data or len(data["face"]) == 0:
         return None
     vertex = data["vertex"].data
