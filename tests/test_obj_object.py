@@ -11,6 +11,7 @@ from test_mesh_files import Gltf
 import fastibl
 from conftest import same_error
 from fastibl.files import mesh_and_material
+from fastibl.surfaces import Picture, Texture, _Decoded
 
 CORNERS = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
 BLACK = fastibl.CubeMap(np.zeros((6, 4, 4, 3), np.float32))
@@ -261,3 +262,70 @@ def test_an_object_far_from_its_origin_is_told(name, tmp_path):
     with pytest.warns(UserWarning, match="is subtracted from them") as told:
         fastibl.read_object(path)
     assert told[0].filename == __file__
+
+
+# --- many pixels
+
+
+def maps(tmp_path, count, size=(16, 32), one=False):
+    """A file with so many pictures, of a material each, or of one material."""
+    kinds = ["map_Kd", "map_Ke", "norm"] if one else ["map_Kd"] * count
+    for k in range(count):
+        picture(tmp_path / f"{k}.png", k, size)
+    lines = [f"{kind} {k}.png\n" for k, kind in zip(range(count), kinds, strict=True)]
+    mtl = "newmtl a\n" + "".join(lines) if one else "".join(f"newmtl {k}\n{line}" for k, line in enumerate(lines))
+    return written(tmp_path, mtl, "".join(f"usemtl {'a' if one else k}\n{QUAD}" for k in range(1 if one else count)))
+
+
+def test_pictures_are_as_many_as_they_like(tmp_path, monkeypatch):
+    """Each is decoded where it is used; what fits into the memory of one gives the same as what fits into more."""
+    path = maps(tmp_path, 5)
+    whole = fastibl.read_object(path)[1]
+    monkeypatch.setattr("fastibl.surfaces.MOST_PIXELS", 32 * 16)
+    monkeypatch.setattr("fastibl.file_limits.MOST_PIXELS", 32 * 16)
+    assert fastibl.read_object(path)[1] == whole
+    monkeypatch.setattr("fastibl.surfaces._MOST_TOGETHER", 5 * 32 * 16 - 1)
+    same_error(lambda: fastibl.read_object(path), ValueError, "a.obj", "more than 2559 pixels together")
+    monkeypatch.setattr("fastibl.file_limits.MOST_PIXELS", 32 * 16 - 1)
+    same_error(lambda: fastibl.read_object(path), ValueError, "a.obj", "0.png says that it is 32 x 16")
+
+
+def test_pictures_of_one_material_are_shrunk_to_fit(tmp_path, monkeypatch):
+    path = maps(tmp_path, 3, one=True)
+    whole = fastibl.read_object(path)[1]
+    monkeypatch.setattr("fastibl.surfaces.MOST_PIXELS", 32 * 16)
+    with pytest.warns(UserWarning, match="a.obj: textures are shrunk: 32 x 16 to 18 x 9"):
+        material = fastibl.read_object(path)[1]
+    for name in ("base_color", "emission", "normal"):
+        small, large = getattr(material, name), getattr(whole, name)
+        assert small.shape == (9, 18, 3)
+        np.testing.assert_allclose(small, cv2.resize(large, (18, 9), interpolation=cv2.INTER_AREA), atol=1e-5)
+
+
+def test_pictures_are_decoded_once(tmp_path, monkeypatch):
+    seen = []
+    decode = cv2.imdecode
+    monkeypatch.setattr(cv2, "imdecode", lambda *a: seen.append(1) or decode(*a))
+    picture(tmp_path / "0.png", 0, (8, 8))
+    path = written(tmp_path, "newmtl a\nmap_Kd 0.png\nmap_Pm 0.png\nmap_Pr 0.png\n", "usemtl a\n" + QUAD)
+    fastibl.read_object(path)
+    assert len(seen) == 1
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channel", [None, 1])
+@pytest.mark.parametrize("band", [2**22, 100])
+def test_values_of_pictures(band, channel, kind, monkeypatch):
+    """Linear, times the factor; where few are enough, means over squares."""
+    monkeypatch.setattr("fastibl.surfaces._BAND", band)
+    codes = np.random.default_rng(0).integers(0, np.iinfo(kind).max + 1, (36, 24, 3)).astype(kind)
+    factor = 0.5 if channel else (0.25, 0.5, 2.0)
+    shown = Picture(codes.shape[:2], lambda: codes, _Decoded())
+    texture = Texture(0, shown, srgb=channel is None, channel=channel, factor=factor)
+    linear = codes.astype(np.float32) / np.float32(np.iinfo(kind).max)
+    linear = linear[..., 1] if channel else fastibl.Response.srgb().decode(linear)
+    linear = linear * np.float32(factor)
+    np.testing.assert_array_equal(texture.values(), linear)
+    np.testing.assert_array_equal(texture.values((13, 1)), linear)
+    means = linear.reshape(9, 4, 6, 4, *linear.shape[2:]).mean(axis=(1, 3))
+    np.testing.assert_allclose(texture.values((5, 7)), means, rtol=1e-5)

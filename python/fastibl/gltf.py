@@ -28,7 +28,7 @@ from .gltf_container import DAMAGES, WIDTHS, Container, NotThere, transform
 from .one_material import joined
 from .parts import Part, alike, cut_away, mesh_of
 from .rounded_places import Offset, offset_of
-from .surfaces import Cutout, Lie, Pictures, Surface, Texture
+from .surfaces import Cutout, Lie, Picture, Pictures, Surface, Texture
 
 _TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _KNOWN = {
@@ -61,7 +61,7 @@ class _File(Container):
             raise ValueError(f"it requires the extension {sorted(unknown)[0]}")
         self.buffers = [self.bytes(b.get("uri")) for b in self.json.get("buffers", ())]
         self.vertices = self.triangles = self.instances = 0
-        self._decoder, self.pictures = Pictures(), dict[int, NDArray]()
+        self._decoder, self.pictures = Pictures(), dict[int, Picture]()
         self._faint = set[int]()  # materials of vertices whose colours have an alpha below 1
         self._left_out: dict[str, list[str]] = {}  # with the names of materials
 
@@ -128,7 +128,7 @@ class _File(Container):
             raise ValueError("a texture has no picture of a kind that glTF 2 itself knows")
         if source not in self.pictures:
             try:
-                self.pictures[source] = self._decoder.decoded(self._encoded(source), f"texture {source}")
+                self.pictures[source] = self._decoder.picture(self._encoded(source), f"texture {source}")
             except NotThere:
                 self.leave(f"{self.json['images'][source]['uri']} (not there)")
                 return None

@@ -26,7 +26,7 @@ from .one_material import joined
 from .parts import Part, alike, cut_away, mesh_of
 from .pictures import unit
 from .rounded_places import Offset
-from .surfaces import Cutout, Lie, Pictures, Surface, Texture
+from .surfaces import Cutout, Lie, Picture, Pictures, Surface, Texture
 
 _ARGUMENTS = {  # number of arguments of a picture's options; where it is 3, one to three numbers may follow
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-clamp": 1, "-bm": 1,
@@ -98,7 +98,7 @@ class _Library:
     def __init__(self, path: Path, size: int):
         self._path, self._files = path, FolderFiles(path, size)
         self.materials: dict[str, dict[str, list[str]]] = {}
-        self._pictures, self._decoder = dict[str, NDArray | None](), Pictures()
+        self._pictures, self._decoder = dict[str, Picture | None](), Pictures()
         self._left_out = dict[str, None]()  # a dict keeps their order
 
     def warn(self, more: Iterable[str] = ()) -> None:
@@ -188,14 +188,14 @@ class _Library:
         name = list(self._pictures)[texture.source]
         alpha = self._decoder.alpha(name, lambda: self._bytes(name), name)
         if alpha is None or (alpha == 1).all():
-            alpha = unit(texture.picture).mean(axis=-1, dtype=np.float32)
+            alpha = unit(texture.picture.pixels).mean(axis=-1, dtype=np.float32)
         cutout = Cutout(texture.source, alpha, 0.5, texture.wrap, texture.lie)
         if not cutout.is_outline:
             self.leave("transparency")
             return None
         return self._decoder.shared(cutout)
 
-    def _picture(self, name: str) -> NDArray | None:
+    def _picture(self, name: str) -> Picture | None:
         try:
             data = self._bytes(name)
         except FileNotFoundError:
@@ -204,7 +204,7 @@ class _Library:
         if PurePosixPath(name).suffix.lower() in _OTHER_PICTURES:
             self.leave(f"{name} (neither PNG nor JPEG)")
             return None
-        return self._decoder.decoded(data, name)
+        return self._decoder.picture(data, name)
 
     def _texture(
         self, lines: dict[str, list[str]], kind: str, factor: Any = 1.0, srgb: bool = False, channel: int | None = None

@@ -73,6 +73,14 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, l
     if mean:
         told.append("what its materials reflect without being metal (KHR_materials_specular, _ior) becomes their mean")
 
+    def cell_size(materials: list[int]) -> tuple[int, int]:
+        """Columns and rows that a picture which these share has in the largest of their cells."""
+        columns, rows = (
+            max(max(getattr(where[m], name) // copies[m][k] for m in materials), 1)
+            for k, name in enumerate(("columns", "rows"))
+        )
+        return columns, rows
+
     def laid(name: str, channels: int, missing: Any = None) -> NDArray[np.float32]:
         sheet = np.zeros((atlas.height, atlas.width, channels), np.float32)
         owners: dict[Any, list[int]] = {}  # materials by the picture they share: each is decoded once, one at a time
@@ -82,7 +90,7 @@ def _atlas(parts: list[Part], surfaces: dict[int, Surface]) -> tuple[Material, l
             # Each material has its own normal_scale, which goes into the picture.
             owners.setdefault((value, surface.normal_scale if name == "normal" else None), []).append(m)
         for (value, scale), materials in owners.items():
-            shown = value.values() if isinstance(value, Texture) else np.float32(value)
+            shown = value.values(cell_size(materials)) if isinstance(value, Texture) else np.float32(value)
             if shown.ndim < 2:
                 shown = np.broadcast_to(shown, (1, 1, channels))
             shown = shown.reshape(*shown.shape[:2], channels)
@@ -123,8 +131,10 @@ def joined(path: Path, parts: list[Part], surfaces: dict[int, Surface], stacklev
         raise ValueError("its textures go on beyond their borders in different ways")
     if len(surfaces) == 1:
         (surface,) = surfaces.values()
-        return surface.material()
-    material, told = _atlas(parts, surfaces)
+        material, shrunk = surface.material()
+        told = [f"textures are shrunk: {', '.join(sorted(shrunk))}"] if shrunk else []
+    else:
+        material, told = _atlas(parts, surfaces)
     for text in told:
         warnings.warn(f"{path}: {text}", stacklevel=stacklevel + 1)
     return material

@@ -60,6 +60,30 @@ def unit(picture: NDArray[Any]) -> NDArray[np.float32]:
     return picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
 
 
+def picture_size(data: bytes, size_of: Any, name: Path | str) -> tuple[int, int]:
+    """(width, height) that an encoded picture's header states. size_of: one of fastibl.picture_headers.
+
+    Raises ValueError, with the name, for another kind of picture, or for more pixels than a picture may have.
+    """
+    try:
+        width, height = size_of(data)
+    except ValueError as error:
+        raise ValueError(f"{name} is not a picture that can be read: {error}") from error
+    check_pixels(name, width, height)
+    return width, height
+
+
+def shrunk_to(size: tuple[int, int], picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A picture of so many columns and rows, by area."""
+    import cv2
+
+    if picture.shape[1::-1] == size:
+        return picture
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA)).reshape(
+        size[1], size[0], *picture.shape[2:]
+    )
+
+
 def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
     """RGB (height, width, 3) of an encoded picture, in its own dtype, and of the size stated in its header.
 
@@ -69,13 +93,12 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
 
     flips: tuple[int, ...] = ()
     exposures: tuple[float, ...] = (1.0, 1.0, 1.0)
-    try:
-        if size_of is radiance_size:
+    if size_of is radiance_size:
+        try:
             data, flips, exposures = radiance_upright(data)
-        width, height = size_of(data)
-    except ValueError as error:
-        raise ValueError(f"{name} is not a picture that can be read: {error}") from error
-    check_pixels(name, width, height)
+        except ValueError as error:
+            raise ValueError(f"{name} is not a picture that can be read: {error}") from error
+    width, height = picture_size(data, size_of, name)
     try:
         image = cv2.imdecode(
             np.frombuffer(data, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -84,7 +107,7 @@ def decode_picture(data: bytes, size_of: Any, name: Path | str) -> NDArray[Any]:
         image = None
     if image is None or image.shape != (height, width, 3):
         raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
-    image = np.flip(image[..., ::-1], flips)
+    image = np.flip(cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image), flips)
     return np.ascontiguousarray(image if exposures == (1, 1, 1) else image / np.asarray(exposures, np.float32))
 
 
