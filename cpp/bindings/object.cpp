@@ -8,6 +8,33 @@
 namespace fastibl::bindings {
 namespace {
 
+// What fastibl.progress.reporting gives while it lives.
+class Reporting {
+ public:
+  Reporting(const py::object& progress, const char* what)
+      : manager_(py::module_::import("fastibl.progress").attr("reporting")(progress, what)),
+        report_(manager_.attr("__enter__")()) {}
+  ~Reporting() {
+    try {
+      manager_.attr("__exit__")(py::none(), py::none(), py::none());
+    } catch (py::error_already_set& error) {  // of a stream that is closed, perhaps
+      error.discard_as_unraisable("the end of a progress bar");
+    }
+  }
+  Reporting(const Reporting&) = delete;
+  Reporting& operator=(const Reporting&) = delete;
+
+  // Called without the GIL.
+  bool operator()(float done) const {
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    return report_.is_none() || py::cast<bool>(report_(done));
+  }
+
+ private:
+  py::object manager_, report_;
+};
+
 void set_look(Scene& scene, const ShadowLook& look) {
   look.validate();
   scene.shadow_look = look;
@@ -25,20 +52,30 @@ spheres: largest number of shadow proxies, 0 for no shadow.
 visibility_rays: number of rays for P_V, 0 for no self-shadow at all.
 refine: whether to split triangles in which the object's self-shadow changes; the surface stays the same, and so does
 the paper's P_V.
+progress: whether to show a bar on stderr if that is a terminal and the work takes long; or a function that is given the
+part done, and ends the work with KeyboardInterrupt by returning False.
 Raises ValueError for negative numbers or what is not a pose.)")
       .def(py::init([](const Mesh& mesh, const std::optional<Material>& material,
-                       const py::object& marker_from_object, int spheres, int rays, bool refine) {
+                       const py::object& marker_from_object, int spheres, int rays, bool refine,
+                       const py::object& progress) {
              const Pose pose = marker_from_object.is_none()
                                    ? Pose{}
                                    : require_pose(marker_from_object, "marker_from_object");
-             const py::gil_scoped_release release;
+             const Reporting reporting(progress, "make scene");
              SceneOptions options{spheres, rays};
              options.refine = refine;
-             return make_scene(mesh, material.value_or(Material{}), pose, options);
+             options.progress = [&](float done) { return reporting(done); };
+             try {
+               const py::gil_scoped_release release;
+               return make_scene(mesh, material.value_or(Material{}), pose, options);
+             } catch (const WorkEnded&) {
+               PyErr_SetString(PyExc_KeyboardInterrupt, "making a scene was ended");
+               throw py::error_already_set();
+             }
            }),
            py::arg("mesh"), py::arg("material") = py::none(),
            py::arg("marker_from_object") = py::none(), py::arg("spheres") = 50,
-           py::arg("visibility_rays") = 96, py::arg("refine") = true)
+           py::arg("visibility_rays") = 96, py::arg("refine") = true, py::arg("progress") = true)
       .def_property_readonly(
           "mesh", &Scene::given_mesh,
           "The mesh as it was given, counter-clockwise seen from outside. A mesh without normals "

@@ -1176,9 +1176,11 @@ class Scene:
     visibility_rays: number of rays for P_V, 0 for no self-shadow at all.
     refine: whether to split triangles in which the object's self-shadow changes; the surface stays the same, and so does
     the paper's P_V.
+    progress: whether to show a bar on stderr if that is a terminal and the work takes long; or a function that is given the
+    part done, and ends the work with KeyboardInterrupt by returning False.
     Raises ValueError for negative numbers or what is not a pose.
     """
-    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True) -> None:
+    def __init__(self, mesh: Mesh, material: Material | None = None, marker_from_object: typing.Any = None, spheres: typing.SupportsInt | typing.SupportsIndex = 50, visibility_rays: typing.SupportsInt | typing.SupportsIndex = 96, refine: bool = True, progress: typing.Any = True) -> None:
         ...
     def __reduce__(self) -> typing.Any:
         ...

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import sys
-import time
 import warnings
 import zipfile
 import zlib
@@ -19,11 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import BakedShadow, CubeMap, Environment, Mesh, MeshShadowLight, Pose, ShadowMap
 from .expected import expect
+from .progress import reporting
 from .whole_file import whole_file
 
 _FORMAT = 3  # version of the files and of how a table is baked: another number makes older files stale
 _Options = tuple[int, float, int, int]  # resolution, extent, rings, samples
-_PATIENCE = 0.5  # seconds before a progress bar appears
 _ARRAYS = tuple(table + array for table in ("", "outer_") for array in ("begin", "cells", "cover", "run_begin", "runs"))
 # What reading a damaged file raises; MemoryError if its header claims an impossibly large array.
 _BROKEN = (
@@ -155,36 +153,11 @@ def _cube(light: CubeMap | Environment) -> CubeMap:
 
 
 def _baked(mesh: Mesh, options: _Options, progress: bool | Callable[[float], bool]) -> Any:
-    bar = _Bar() if progress is True and sys.stderr is not None and sys.stderr.isatty() else None
-    report = progress if callable(progress) else bar
-    try:
+    with reporting(progress, "bake shadow") as report:
         baked = BakedShadow.bake(mesh, *options, report)
-    finally:
-        if bar:
-            bar.close()
     if baked is None:
         raise KeyboardInterrupt("baking a shadow was ended")
     return baked
-
-
-class _Bar:
-    """Shows progress on stderr for work that takes long."""
-
-    def __init__(self) -> None:
-        self._begin, self._bar, self._done = time.monotonic(), None, 0.0
-
-    def __call__(self, done: float) -> bool:
-        if self._bar is None and time.monotonic() - self._begin > _PATIENCE and done < 1:
-            from tqdm import tqdm
-
-            self._bar = tqdm(total=100, desc="bake shadow", unit="%", leave=False)
-        if self._bar is not None:
-            self._bar.update(round(100 * done) - self._bar.n)
-        return True
-
-    def close(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
 
 
 # Files hold the arrays of both tables, compressed.

@@ -14,6 +14,9 @@
 namespace fastibl {
 namespace {
 
+// Where the parts of the work end, about, for a mesh of many triangles.
+constexpr float kOccluded = 0.1f, kSpheres = 0.12f, kRefined = 0.2f, kDirections = 0.95f;
+
 // Vertices that differ by their uv or colour alone are one point of the surface: they share the
 // mean, so that no seam shows.
 void share_at_seams(const Mesh& mesh, const std::vector<glm::vec3>& normals,
@@ -39,7 +42,8 @@ void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   scene.bvh = std::make_shared<const Bvh>(scene.mesh);
   const Bvh& bvh = *scene.bvh;
   const float offset = ray_offset(scene.mesh);
-  RefinedMesh refined = refine(scene.mesh, bvh, finer);
+  RefinedMesh refined =
+      refine(scene.mesh, bvh, finer, part_of(options.progress, kSpheres, kRefined));
   scene.corners_tell = options.refine;
   if (!refined.parents.empty()) {
     interpolate(refined, scene.visibility);
@@ -60,7 +64,8 @@ void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
   const int cells = options.direction_cells > 0          ? options.direction_cells
                     : scene.mesh.vertices.size() > 20000 ? 32
                                                          : 64;
-  VertexVisibility visibility = visibility_at(bvh, offset, points, normals, cells);
+  VertexVisibility visibility = visibility_at(bvh, offset, points, normals, cells,
+                                              part_of(options.progress, kRefined, kDirections));
   visibility.sides = backs ? 2 : 1;
   scene.directions = std::make_shared<const VertexVisibility>(std::move(visibility));
 }
@@ -82,6 +87,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
         options.sphere_count);
   check(options.visibility_rays >= 0, "the number of rays must be at least 0, got ",
         options.visibility_rays);
+  tell(options.progress, 0);
   mesh = with_creases(turned_outwards(std::move(mesh)));
   Scene scene;
   scene.normals = vertex_normals(mesh);
@@ -89,10 +95,11 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   if (options.visibility_rays > 0) {
     AmbientOcclusionOptions occlusion;
     occlusion.rays = options.visibility_rays;
-    scene.visibility = ambient_occlusion(mesh, occlusion);
+    scene.visibility = ambient_occlusion(mesh, occlusion, part_of(options.progress, 0, kOccluded));
     if (!mesh.uvs.empty() || !mesh.colors.empty())
       share_at_seams(mesh, scene.normals, scene.visibility);
   }
+  tell(options.progress, kOccluded);
   if (options.sphere_count > 0) {
     FitSpheresOptions spheres;
     spheres.count = options.sphere_count;
@@ -100,6 +107,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   }
   if (options.bake_shadow)
     scene.baked_shadow = std::make_shared<const MeshShadow>(*MeshShadow::bake(mesh));
+  tell(options.progress, kSpheres);
   scene.fronts_only = is_closed(mesh) && faces_outwards(mesh);
   scene.mesh = std::move(mesh);
   if (options.visibility_rays > 0 && options.direction_cells != 0)
@@ -107,7 +115,9 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   scene.tangents = vertex_tangents(scene.mesh, scene.normals);
   scene.material = material;
   scene.marker_from_object = marker_from_object;
-  scene.samples = sample_scene(scene);
+  tell(options.progress, kDirections);
+  scene.samples = sample_scene(scene, part_of(options.progress, kDirections, 1));
+  tell(options.progress, 1);
   return scene;
 }
 

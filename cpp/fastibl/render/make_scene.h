@@ -1,6 +1,7 @@
 // Makes an object ready to be rendered: everything that is worked out once from its mesh.
 #pragma once
 
+#include "fastibl/core/progress.h"
 #include "fastibl/scene/scene.h"
 
 namespace fastibl {
@@ -15,12 +16,14 @@ struct SceneOptions {
   // Splits triangles within which the hidden directions change, see refine(); not without
   // direction_cells. The surface stays the same.
   bool refine = true;
+  Progress progress = {};  // also told of the work's end
 };
 
 // Throws what validate() throws, and for textures on a mesh without uvs.
 void check_fits(const Material& material, const Mesh& mesh);
 
-// mesh: in its own frame, metres. Throws what validate() of the mesh and check_fits throw.
+// mesh: in its own frame, metres. Throws what validate() of the mesh and check_fits throw, and
+// WorkEnded where options.progress ended the work.
 Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_object = {},
                  const SceneOptions& options = {});
 

@@ -17,6 +17,7 @@
 namespace fastibl {
 namespace {
 
+constexpr int kAtOnce = 64;       // samples between two words of the progress
 constexpr float kOffset = 1e-4f;  // of the object's size: how far above a surface rays start
 // Share of a picture that the object takes. It sets how much of the plane is looked at.
 constexpr double kObjectShare = 0.15;
@@ -236,10 +237,11 @@ std::vector<std::uint8_t> met_from(const Bvh& bvh, const SceneSamples& samples, 
   return met;
 }
 
-void trace_surface(const Standing& object, const Bvh& bvh, SceneSamples& samples) {
+void trace_surface(const Standing& object, const Bvh& bvh, SceneSamples& samples,
+                   const Progress& progress) {
   const std::size_t count = samples.direction_count();
   samples.free.assign(samples.surface.size() * count, 0);
-  parallel_for(int(samples.surface.size()), 4, [&](int begin, int end) {
+  parallel_for(progress, kAtOnce, int(samples.surface.size()), 4, [&](int begin, int end) {
     std::vector<int> above;
     for (int i = begin; i < end; ++i) {
       SceneSamples::Surface& s = samples.surface[std::size_t(i)];
@@ -328,7 +330,8 @@ void trace_plane(const Standing& object, const Bvh& bvh, const std::vector<SeenP
 }
 
 // pose: of the object; its place on the plane is ignored. picture: the only view, or null.
-std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const View* picture) {
+std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const View* picture,
+                                           const Progress& progress) {
   if (!scene.directions || scene.mesh.triangles.empty()) return nullptr;
   auto samples = std::make_shared<SceneSamples>();
   pose.translation.x = pose.translation.y = 0;
@@ -360,7 +363,8 @@ std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const 
   // From afar all rays of a view start in a disc around the object.
   if (!picture)
     samples->object_area *= std::numbers::pi * double(samples->radius) * double(samples->radius);
-  trace_surface(object, bvh, *samples);
+  trace_surface(object, bvh, *samples, part_of(progress, 0.1f, 0.7f));
+  tell(progress, 0.7f);
   const int count = picture ? SceneSamples::kPicturePlaneSamples : SceneSamples::kPlaneSamples;
   const auto places = [&](int n) {
     return picture ? places_of(*picture, bvh, n) : places_all_round(object, bvh, *samples, n);
@@ -373,15 +377,15 @@ std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const 
 
 }  // namespace
 
-std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene) {
-  return sample(scene, upright(scene.marker_from_object), nullptr);
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Progress& progress) {
+  return sample(scene, upright(scene.marker_from_object), nullptr, progress);
 }
 
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Camera& camera,
                                                  const Pose& camera_from_marker) {
   const View view =
       view_of(camera, camera_from_marker, glm::dvec2(scene.marker_from_object.translation));
-  return sample(scene, scene.marker_from_object, &view);
+  return sample(scene, scene.marker_from_object, &view, {});
 }
 
 }  // namespace fastibl

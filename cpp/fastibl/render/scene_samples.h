@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "fastibl/core/progress.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/scene.h"
@@ -83,8 +84,8 @@ class SceneSamples {
 };
 
 // Samples as seen from all round. Null where the directions that the object blocks were not worked
-// out, or where no view sees it. Takes some 4 million rays.
-std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene);
+// out, or where no view sees it. Takes some 4 million rays. Throws WorkEnded.
+std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Progress& progress = {});
 // Samples as one picture shows them. Null also where it shows nothing of the object.
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Camera& camera,
                                                  const Pose& camera_from_marker);

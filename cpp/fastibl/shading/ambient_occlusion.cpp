@@ -17,6 +17,8 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kOffset = 1e-4f;  // of the mesh's radius: far above rounding, below visible detail
 
+constexpr int kAtOnce = 1024;  // vertices between two words of the progress
+
 // Two perpendiculars of a unit normal, without a branch that divides by zero. Duff et al. 2017,
 // Building an Orthonormal Basis, Revisited.
 void basis(glm::vec3 n, glm::vec3& u, glm::vec3& v) {
@@ -73,14 +75,15 @@ FASTIBL_CLONES void hide(const float* x, const float* y, const float* z, int blo
 
 }  // namespace
 
-std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOptions& options) {
+std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOptions& options,
+                                     const Progress& progress) {
   mesh.validate();
   const std::vector<glm::vec3> local = cosine_directions(options.rays);
   const Bvh bvh(mesh);
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
   const float offset = kOffset * bounds(mesh.vertices).radius();
   std::vector<float> visibility(mesh.vertices.size());
-  parallel_for(int(visibility.size()), 64, [&](int begin, int end) {
+  parallel_for(progress, kAtOnce, int(visibility.size()), 64, [&](int begin, int end) {
     DirectionSet directions(options.rays);
     for (int i = begin; i < end; ++i) {
       const glm::mat3 frame = vertex_frame(normals[std::size_t(i)], i);

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fastibl/core/progress.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/shadow_map.h"
 
@@ -15,7 +16,9 @@ struct AmbientOcclusionOptions {
 // Cosine-weighted share of the hemisphere around each vertex normal that the mesh leaves free, in
 // [0, 1]; 1 on a convex mesh. Triangles block from both sides; the marker plane is not included.
 // Rays start off the surface, by 1e-4 of the mesh's radius along the normal. Deterministic.
-std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOptions& options = {});
+// Throws WorkEnded.
+std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOptions& options = {},
+                                     const Progress& progress = {});
 
 // The same with spheres (mesh frame) in place of the triangles, for meshes that deform. A sphere
 // that contains a vertex hides nothing from it. Spheres that are not finite, or have a radius of 0

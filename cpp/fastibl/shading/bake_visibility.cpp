@@ -15,6 +15,7 @@ namespace {
 constexpr float kOffset = 1e-4f;  // of the mesh's radius: far above rounding, below visible detail
 constexpr int kFirstSize = 16;    // of the directions that every vertex looks towards
 constexpr int kBlock = 64;        // vertices that one thread works out at a time
+constexpr int kAtOnce = 16;       // such blocks between two words of the progress
 
 void check_size(int size) {
   check(
@@ -39,11 +40,11 @@ void append(const Cells& blocked, Baked& baked) {
 // blocked_around(vertex, normal, cells) fills the cells of one vertex.
 template <typename Around>
 VertexVisibility baked(std::size_t count, std::span<const glm::vec3> normals, int size,
-                       Around&& blocked_around) {
+                       Around&& blocked_around, const Progress& progress = {}) {
   VertexVisibility result;
   result.size = size;
   std::vector<Baked> blocks((count + kBlock - 1) / kBlock);
-  parallel_for(int(blocks.size()), 1, [&](int begin, int end) {
+  parallel_for(progress, kAtOnce, int(blocks.size()), 1, [&](int begin, int end) {
     for (int b = begin; b < end; ++b)
       for (std::size_t i = std::size_t(b) * kBlock;
            i < std::min(count, std::size_t(b + 1) * kBlock); ++i)
@@ -128,13 +129,15 @@ FASTIBL_CLONES void keep_above(const float* x, const float* y, const float* z, i
 float ray_offset(const Mesh& mesh) { return kOffset * bounds(mesh.vertices).radius(); }
 
 VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
-                               std::span<const glm::vec3> normals, int size) {
+                               std::span<const glm::vec3> normals, int size,
+                               const Progress& progress) {
   check_size(size);
   check(points.size() == normals.size(), "there must be as many normals as points, ", points.size(),
         ", got ", normals.size());
-  return baked(points.size(), normals, size, [&](std::size_t i, glm::vec3 normal) {
+  const auto around = [&](std::size_t i, glm::vec3 normal) {
     return blocked_cells(bvh, points[i] + offset * normal, normal, size);
-  });
+  };
+  return baked(points.size(), normals, size, around, progress);
 }
 
 VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options) {

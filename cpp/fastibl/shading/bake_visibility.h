@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "fastibl/core/progress.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/scene/shadow_map.h"
@@ -22,9 +23,11 @@ struct VisibilityOptions {
 // the map holds the table. Deterministic.
 VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options = {});
 
-// The same for any points on a mesh or near it. offset: along the normal.
+// The same for any points on a mesh or near it. offset: along the normal. Throws
+// WorkEnded.
 VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
-                               std::span<const glm::vec3> unit_normals, int size);
+                               std::span<const glm::vec3> unit_normals, int size,
+                               const Progress& progress = {});
 float ray_offset(const Mesh& mesh);
 
 // Found from spheres in place of the mesh, for an object that deforms; takes milliseconds. A sphere

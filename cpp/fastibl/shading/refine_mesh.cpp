@@ -55,8 +55,9 @@ float missed(const Sky& middle, glm::vec3 normal, const Sky& a, glm::vec3 normal
 
 class Refiner {
  public:
-  Refiner(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options)
-      : base_(mesh), options_(options), bvh_(bvh) {
+  Refiner(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options,
+          const Progress& progress)
+      : base_(mesh), options_(options), bvh_(bvh), progress_(progress) {
     refined_.mesh = mesh;
     refined_.mesh.normals = base_.normals = vertex_normals(mesh);
     const Bounds box = bounds(mesh.vertices);
@@ -77,7 +78,7 @@ class Refiner {
     constexpr float kEdges = 3000;
     least_ = options_.error * options_.error * float(area_) / kEdges;
     look(0);
-    for (int round = 0; round < kRounds; ++round) {
+    for (round_ = 1; round_ <= kRounds; ++round_) {
       find_candidates();
       if (!choose()) break;
       split();
@@ -125,11 +126,16 @@ class Refiner {
     return result;
   }
 
+  // begin, end: part of the round.
   std::vector<Sky> seen(const std::vector<glm::vec3>& origins,
-                        const std::vector<glm::vec3>& normals, float side) const {
+                        const std::vector<glm::vec3>& normals, float side, float begin,
+                        float end) const {
     std::vector<glm::vec3> turned;
     for (const glm::vec3& n : normals) turned.push_back(side * n);
-    return skies_of(visibility_at(bvh_, offset_, origins, turned, kRays));
+    constexpr float kAll = kRounds + 1;
+    const Progress progress =
+        part_of(progress_, (float(round_) + begin) / kAll, (float(round_) + end) / kAll);
+    return skies_of(visibility_at(bvh_, offset_, origins, turned, kRays, progress));
   }
 
   // The skies of vertices from `first` on.
@@ -138,11 +144,11 @@ class Refiner {
     const std::vector<glm::vec3> normals(refined_.mesh.normals.begin() + from,
                                          refined_.mesh.normals.end());
     const std::vector<Sky> front =
-        seen({refined_.origins.begin() + from, refined_.origins.end()}, normals, 1);
+        seen({refined_.origins.begin() + from, refined_.origins.end()}, normals, 1, 0.6f, 0.8f);
     front_.insert(front_.end(), front.begin(), front.end());
     if (!options_.backs) return;
-    const std::vector<Sky> back =
-        seen({refined_.back_origins.begin() + from, refined_.back_origins.end()}, normals, -1);
+    const std::vector<Sky> back = seen(
+        {refined_.back_origins.begin() + from, refined_.back_origins.end()}, normals, -1, 0.8f, 1);
     back_.insert(back_.end(), back.begin(), back.end());
   }
 
@@ -193,8 +199,8 @@ class Refiner {
     for (const Middle& m : candidates_)
       origins.push_back(m.origin), back_origins.push_back(m.back_origin),
           normals.push_back(m.normal);
-    judge(seen(origins, normals, 1), front_, 1);
-    if (options_.backs) judge(seen(back_origins, normals, -1), back_, -1);
+    judge(seen(origins, normals, 1, 0, 0.3f), front_, 1);
+    if (options_.backs) judge(seen(back_origins, normals, -1, 0.3f, 0.6f), back_, -1);
   }
 
   bool ends_agree(std::size_t a, std::size_t b, float part) const {
@@ -313,6 +319,8 @@ class Refiner {
   Mesh base_;
   MeshRefineOptions options_;
   const Bvh& bvh_;
+  const Progress& progress_;
+  int round_ = 0;
   float size_ = 0, offset_ = 0;
   double area_ = 0;
   float least_ = 0;  // error times area for which an edge is split
@@ -328,10 +336,11 @@ class Refiner {
 
 }  // namespace
 
-RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options) {
+RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options,
+                   const Progress& progress) {
   if (int(mesh.vertices.size()) >= options.most_vertices)
     return {mesh, mesh.vertices, mesh.vertices, {}};
-  return Refiner(mesh, bvh, options).run();
+  return Refiner(mesh, bvh, options, progress).run();
 }
 
 }  // namespace fastibl

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fastibl/core/progress.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/mesh.h"
 
@@ -29,8 +30,9 @@ struct RefinedMesh {
 
 // An edge is split where the free share of the sky at its middle differs from the mean of its ends,
 // or where it is longer than an eighth of the mesh, for the light of near lamps. bvh: of the mesh.
-// Takes 130 rays for each edge that is longer than 1/60 of the mesh.
-RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options = {});
+// Takes 130 rays for each edge that is longer than 1/60 of the mesh. Throws WorkEnded.
+RefinedMesh refine(const Mesh& mesh, const Bvh& bvh, const MeshRefineOptions& options = {},
+                   const Progress& progress = {});
 
 // Appends the values of the new vertices to those of the old: the means along edges.
 template <typename T>

@@ -2,10 +2,10 @@
 // Its shadow under any light is then a sum of products, see shadow/mesh_shadow_light.h.
 #pragma once
 
-#include <functional>
 #include <optional>
 
 #include "fastibl/core/plane_motion.h"
+#include "fastibl/core/progress.h"
 #include "fastibl/scene/mesh.h"
 #include "fastibl/shadow/plane_bits.h"
 #include "fastibl/shadow/sky_cells.h"
@@ -33,8 +33,7 @@ class MeshShadow {
     SparseCover inner, outer;
     bool operator==(const Tables&) const = default;
   };
-  // Called in the calling thread with the part that is done, 0 to 1; returning false ends the work.
-  using Progress = std::function<bool(float)>;
+  using Progress = fastibl::Progress;
 
   // mesh: as it stands on the plane z = 0; what is below casts no shadow. Empty if `progress` ended
   // the work. Throws std::invalid_argument as Mesh::validate, and for options out of range.

@@ -1,0 +1,103 @@
+"""Work that takes long tells its progress, and ends when it is asked to."""
+
+import io
+import signal
+import sys
+
+import numpy as np
+import pytest
+
+import fastibl
+from fastibl import progress
+
+OPTIONS = {"refine": False, "visibility_rays": 8}
+
+
+def bumpy(n):
+    """An open surface of 2 n^2 triangles."""
+    x, y = (v.ravel() for v in np.meshgrid(*[np.linspace(0, 1, n + 1)] * 2))
+    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :n].ravel()
+    triangles = np.concatenate([np.stack([i, i + 1, i + n + 1], 1), np.stack([i + 1, i + n + 2, i + n + 1], 1)])
+    return fastibl.Mesh(np.stack([x, y, 0.1 + 0.05 * np.sin(20 * x) * np.sin(15 * y)], axis=1), triangles)
+
+
+MESH = bumpy(40)  # 1681 vertices: several pieces of each long loop
+
+
+def parts(**options):
+    seen = []
+    fastibl.Scene(MESH, progress=lambda done: not seen.append(done), **options)
+    return seen
+
+
+@pytest.mark.parametrize("options", [OPTIONS, {"visibility_rays": 8}, {"visibility_rays": 0, "spheres": 0}])
+def test_a_scene_tells_the_part_done(options):
+    seen = parts(**options)
+    assert seen[0] == 0 and seen[-1] == 1 and seen == sorted(seen)
+
+
+def test_long_loops_tell_their_progress():
+    """Of P_V, of the refinement, of directions, of samples: no long step is without a word."""
+    seen = np.array(parts(**OPTIONS))
+    for begin, end in ((0.0, 0.1), (0.2, 0.95), (0.95, 1.0)):
+        assert ((seen > begin) & (seen < end)).sum() >= 1
+    seen = np.array(parts(visibility_rays=8))
+    assert ((seen > 0.12) & (seen < 0.2)).sum() >= 5
+
+
+def test_progress_changes_nothing():
+    told, plain = (fastibl.Scene(MESH, progress=p, **OPTIONS) for p in (lambda done: True, None))
+    np.testing.assert_array_equal(told.visibility, plain.visibility)
+    np.testing.assert_array_equal(told.refined_mesh.vertices, plain.refined_mesh.vertices)
+
+
+@pytest.mark.parametrize("until", [0.0, 0.05, 0.5, 0.97, 1.0])
+def test_a_scene_can_be_ended(until):
+    with pytest.raises(KeyboardInterrupt, match="ended"):
+        fastibl.Scene(MESH, progress=lambda done: done < until, **OPTIONS)
+
+
+def test_what_progress_raises_ends_the_work():
+    with pytest.raises(ZeroDivisionError):
+        fastibl.Scene(MESH, progress=lambda done: 1 / (done < 0.5), **OPTIONS)
+
+
+def test_signals_end_the_work():
+    """As Ctrl-C sends them."""
+    seen = []
+
+    def tell(done):
+        seen.append(done)
+        if len(seen) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return True
+
+    with pytest.raises(KeyboardInterrupt):
+        fastibl.Scene(MESH, progress=tell, **OPTIONS)
+    assert len(seen) == 3
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("make, what", [
+    (lambda shown: fastibl.Scene(MESH, progress=shown, **OPTIONS), "make scene"),
+    (lambda shown: fastibl.MeshShadow(MESH, 32, rings=4, cache=False, progress=shown), "bake shadow"),
+])  # fmt: skip
+def test_a_bar_on_a_terminal(make, what, monkeypatch):
+    monkeypatch.setattr(progress, "_PATIENCE", 0)
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    make(True)
+    assert what in sys.stderr.getvalue() and "%" in sys.stderr.getvalue()
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    make(False)
+    assert sys.stderr.getvalue() == ""
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    make(True)
+    assert sys.stderr.getvalue() == ""
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(progress, "_PATIENCE", np.inf)
+    make(True)
+    assert sys.stderr.getvalue() == ""
