@@ -1,4 +1,5 @@
 #include <iostream>
+#include <stdexcept>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/core/utils/logger.hpp>
 

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdio>
+#include <stdexcept>
 
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/gl/context.h"

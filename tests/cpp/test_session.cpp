@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <stdexcept>
 
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <stdexcept>
 #include <thread>
 
 #include "fastibl/tracking/opencv/opencv_detector.h"

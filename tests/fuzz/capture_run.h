@@ -2,6 +2,8 @@
 // result.
 #pragma once
 
+#include <stdexcept>
+
 #include "fastibl/capture/capture.h"
 #include "pictures.h"
 

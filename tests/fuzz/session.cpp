@@ -1,6 +1,8 @@
 // Plans with any inputs, and a short life of a Session: changes and frames in any order.
 #include "fastibl/render/session.h"
 
+#include <stdexcept>
+
 #include "fastibl/render/make_scene.h"
 #include "meshes.h"
 #include "pictures.h"

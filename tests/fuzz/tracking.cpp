@@ -1,4 +1,6 @@
 // Tags as a detector may return them, and pictures of anything, tracked from any starting pose.
+#include <stdexcept>
+
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/rotation_tracker.h"
 #include "pictures.h"
