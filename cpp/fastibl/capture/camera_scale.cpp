@@ -17,12 +17,18 @@ constexpr double kAllSeen = 0.98;        // until so much was seen: after that t
 // the white says in any case.
 constexpr double kGood = 0.1, kGuess = 0.75;
 
+// ln: what the white says of the scale may change by this before that is believed, as a fifth
+// brighter or darker is nothing to wonder about, and for how long, seconds.
+constexpr double kDrift = 0.18, kDrifts = 0.2;
+constexpr double kSameShare = 0.02;  // of the sky: as much was seen
+
 double grey(const glm::dvec3& light) { return (light.x + light.y + light.z) / 3; }
 
 }  // namespace
 
-double Capture::assumed_exposure(const Picture& picture, const Camera& camera) const {
-  if (!plane_irradiance_) return 1;
+std::optional<double> Capture::assumed_exposure(const Picture& picture,
+                                                const Camera& camera) const {
+  if (!plane_irradiance_) return std::nullopt;
   const ByteResponse bytes(camera.response);
   const PixelReader pixels(picture, camera.response, bytes);
   constexpr int kAcross = 32;
@@ -35,7 +41,8 @@ double Capture::assumed_exposure(const Picture& picture, const Camera& camera) c
     }
   const double radiance = grey(*plane_irradiance_) / std::numbers::pi;
   const double exposure = sum / (radiance * camera.gain);
-  return exposure > 0 && std::isfinite(exposure) ? exposure : 1;
+  if (!(exposure > 0) || !std::isfinite(exposure)) return std::nullopt;
+  return exposure;
 }
 
 double Capture::scale_error() const {
@@ -64,9 +71,27 @@ void Capture::know_scale(int first) {
 }
 
 // The unseen sky is taken to be as bright as the seen part. The more was seen, the better the scale
-// is known, so the white is asked again whenever more was seen.
+// is known, so the white is asked again whenever more was seen. As the same part is seen, what
+// changes is the light, which pictures of cameras that tell no exposure do not show.
+std::optional<double> Capture::mending(double share, double factor) {
+  if (scaled_at_ <= kAllSeen && share >= kLeastSeen &&
+      1 - share <= kLessUnseen * (1 - scaled_at_)) {
+    scaled_at_ = share;
+    const bool good = std::abs(std::log(factor)) <= kGuess + share * (kGood - kGuess);
+    balance_ = Balance{good ? factor : 1, share, time_};
+    return good ? std::nullopt : std::optional(factor);
+  }
+  if (!balance_ || std::abs(share - balance_->share) > kSameShare)
+    balance_ = Balance{factor, share, time_};
+  const double drift = factor / balance_->factor;
+  if (std::abs(std::log(drift)) <= kDrift) balance_->since = time_;
+  if (time_ - balance_->since < kDrifts) return std::nullopt;
+  balance_->since = time_;
+  return drift;
+}
+
 void Capture::mend_scale(std::vector<int>& changed) {
-  if (prior_ || boost_.any() || scaled_at_ > kAllSeen) return;
+  if (prior_ || boost_.any()) return;
   double known = 0, assumed = 0, seen = 0, sky = 0;
   for (int tile = 0; tile < grid_.count(); ++tile) {
     if (!unseen_.above(tile)) continue;
@@ -77,16 +102,15 @@ void Capture::mend_scale(std::vector<int>& changed) {
   }
   if (!(assumed > 0)) return;
   const double share = seen / sky;
-  if (share < kLeastSeen || 1 - share > kLessUnseen * (1 - scaled_at_)) return;
   const double factor = (share * grey(*plane_irradiance_) - known) / assumed;
   if (!(factor > 0) || !std::isfinite(factor)) return;
-  scaled_at_ = share;
-  if (std::abs(std::log(factor)) <= kGuess + share * (kGood - kGuess)) return;
+  const std::optional<double> mend = mending(share, factor);
+  if (!mend) return;
   const std::size_t stride = std::size_t(grid_.stride());
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     if (!unseen_.above(tile) || scales_[i] <= 0 || sums_[i].count == 0) continue;
-    scale_texels(state_, i * stride, tile_rect(grid_, tile).texels(), float(factor));
+    scale_texels(state_, i * stride, tile_rect(grid_, tile).texels(), float(*mend));
     sums_[i] = sum_of(tile);
     changed.push_back(tile);
   }

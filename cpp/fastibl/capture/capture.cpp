@@ -24,6 +24,7 @@ constexpr double kMeterPause = 0.1;  // seconds between readings of the board's 
 constexpr int kPicturesPerFill = 2;  // between updates of what unseen tiles should hold
 constexpr float kOtherScale = 0.5f;  // change of a prior map's brightness that is shown at once
 constexpr float kFarther = 2, kFartherBy = 0.3f;  // factor, metres: beyond, wide pictures tell less
+constexpr std::size_t kChanges = 16;              // of all the light that are remembered
 constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
 constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
 // Bands of rows that share a pose: at 60 degrees a second and 30 ms of readout, neighbouring bands
@@ -209,16 +210,20 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   if (!exposure || (options_.doubt_exposures && one)) {
     std::vector<LevelProbe> probes;
     if (one)
-      probe_level(picture, *one, poses, mask, probes);
+      probe_level(picture, *one, poses, mask, !exposure, probes);
     else
       each_side([&](KnownCamera& side, const RowPoses& side_poses) {
-        probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), probes);
+        probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), !exposure,
+                    probes);
       });
     for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
     taken = doubt.judge(probes, exposure, time);
-    if (doubt.found_change() > 0) distrust(doubt.found_change());
+    if (doubt.found_change()) distrust(*doubt.found_change());
     if (taken.as == TakenAs::left_out) return taken;
-    if (taken.as == TakenAs::assumed) taken.exposure = assumed_exposure(picture, camera);
+    if (taken.as == TakenAs::assumed) {
+      taken.exposure = assumed_exposure(picture, camera).value_or(taken.exposure);
+      doubt.assume(taken.exposure);
+    }
   }
   taken.tint *= tint;
   if (one)
@@ -312,14 +317,24 @@ glm::dvec3 Capture::seen_sky_irradiance() const {
   return sum;
 }
 
-void Capture::distrust(double change) {
-  fastibl::distrust(state_, change);
+void Capture::distrust(const glm::dvec3& log_change) {
+  const glm::dvec3 size = glm::abs(log_change);
+  fastibl::distrust(state_, std::max({size.x, size.y, size.z}));
+  if (changes_.size() == kChanges) changes_.erase(changes_.begin());
+  changes_.push_back({time_, log_change});
   const std::uint64_t version = new_tile_version();
   for (int tile = 0; tile < grid_.count(); ++tile) {
     relate_variances(state_, std::size_t(tile) * std::size_t(grid_.stride()),
                      tile_rect(grid_, tile).texels());
     versions_[std::size_t(tile)] = version;
   }
+}
+
+glm::vec3 Capture::change_since(double time) const {
+  glm::dvec3 sum(0);
+  for (const Change& change : changes_)
+    if (change.time >= time) sum += change.log_ratio;
+  return glm::exp(sum);
 }
 
 bool Capture::read_meter(const Picture& picture, KnownCamera& k, const RowPoses& poses,

@@ -162,16 +162,19 @@ class Capture {
             std::vector<int>& changed);
   // Rays (camera frame) through the middles of the picture's parts that are compared with the map;
   // std::nullopt beyond the lens model. In probe_level.cpp, like probe_level(), which appends those
-  // that the map knows.
+  // that the map knows, unsure: or of which it has any idea.
   static std::vector<std::optional<glm::dvec3>> probe_rays(const Camera& camera, const Lens& lens);
   void probe_level(const Picture& picture, const KnownCamera& camera,
                    const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
-                   std::vector<LevelProbe>& probes) const;
-  // Notes that all of the map may be wrong by this much, ln.
-  void distrust(double change);
+                   bool unsure, std::vector<LevelProbe>& probes) const;
+  // Notes that all of the map may be wrong by this factor, ln by channel.
+  void distrust(const glm::dvec3& log_change);
+  // Factor by which the place is thought to have changed since then.
+  glm::vec3 change_since(double time) const;
   // In camera_scale.cpp. The exposure of a picture with which the sky, if it were all as bright as
-  // the picture, would light the plane as the board's white says; 1 if the white was not seen.
-  double assumed_exposure(const Picture& picture, const Camera& camera) const;
+  // the picture, would light the plane as the board's white says; std::nullopt if the white was not
+  // seen, or the picture is black.
+  std::optional<double> assumed_exposure(const Picture& picture, const Camera& camera) const;
   // Relative error of the irradiance, by the board's white, where a camera's scale was assumed.
   double scale_error() const;
   // The scale of what a tile shows: one of these, or that assumed for a camera
@@ -185,6 +188,9 @@ class Capture {
   void know_scale(int first);
   // Makes what is in an assumed scale as bright as the board's white says; appends such tiles.
   void mend_scale(std::vector<int>& changed);
+  // The factor for that, if it is known: `factor` where more of the sky was seen than before, else
+  // its change. share: of the sky that was seen.
+  std::optional<double> mending(double share, double factor);
   glm::dvec3 seen_sky_irradiance() const;  // of the plane
   // True if the picture shows the board's white well enough.
   bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
@@ -274,6 +280,11 @@ class Capture {
   std::optional<glm::dvec3> plane_irradiance_;  // what it read last
   std::vector<int> scales_;                     // by tile
   double scaled_at_ = 0;  // share of the sky that had been seen when the scale was last checked
+  struct Balance {        // what the white and the seen sky said of the scale
+    double factor, share;
+    double since;  // seconds: when they last agreed with that
+  };
+  std::optional<Balance> balance_;
   int mended_ = 0;
   LightBoost boost_;
   std::optional<PriorMap> prior_;
@@ -290,6 +301,11 @@ class Capture {
   std::int64_t used_ = 0;        // pictures
   int known_ = 0;                // cameras so far
   bool forgot_assumed_ = false;  // a camera whose scale was assumed
+  struct Change {
+    double time;  // seconds
+    glm::dvec3 log_ratio;
+  };
+  std::vector<Change> changes_;  // of all the light, as they were found: the latest last
   std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;

@@ -22,15 +22,32 @@ double largest(const glm::dvec3& v) {
 
 }  // namespace
 
-Taken ExposureDoubt::without_word(std::span<const LevelProbe> probes) {
-  const std::optional<PictureLevel> level = fit_level(probes);
-  if (!level || level->spread > kUsable) {
-    // Only the first picture of a camera may set the scale of what it shows.
-    const bool first = !placed_ && int(probes.size()) < kLeastProbes;
-    return {
-        first ? TakenAs::assumed : TakenAs::left_out, 1, glm::dvec3(1), 0, 0, int(probes.size())};
+// What the map is not sure of still tells more than nothing: a camera whose pictures alone show a
+// place would else stay out once that place is in doubt.
+Taken ExposureDoubt::without_word(std::span<const LevelProbe> sure, std::span<const LevelProbe> all,
+                                  double time) {
+  const auto estimated = [](const PictureLevel& level) -> Taken {
+    return {TakenAs::estimated, level.exposure, glm::dvec3(1), level.deviation(), 0, level.count};
+  };
+  std::optional<PictureLevel> level = fit_level(sure);
+  if (!level) level = fit_level(all);
+  if (level && level->spread <= kUsable) {
+    doubt_.reset();
+    return estimated(*level);
   }
-  return {TakenAs::estimated, level->exposure, glm::dvec3(1), level->deviation(), 0, level->count};
+  if (!level) level = fit_shown(all);
+  const int count = int(all.size());
+  const bool unknown = !level && count < kLeastProbes;
+  const bool stays = (level || unknown) && confirmed({}, time);
+  if (level && stays) return estimated(*level);
+  // Of pictures in a row, only the first may set the scale of what the map does not know.
+  const bool assume = unknown && (stays || !placed_);
+  return {assume ? TakenAs::assumed : TakenAs::left_out,
+          assume ? last_ : 1,
+          glm::dvec3(1),
+          0,
+          0,
+          count};
 }
 
 // Whether pictures have been off alike for so long that the place has changed. log_ratio: empty
@@ -43,21 +60,24 @@ bool ExposureDoubt::confirmed(const std::optional<glm::dvec3>& log_ratio, double
   ++doubt_->pictures;
   if (!(doubt_->pictures >= kPictures && time - doubt_->since >= kStays)) return false;
   if (!doubt_->believed && doubt_->log_ratio) {  // otherwise it may be a hand
-    change_ = largest(*doubt_->log_ratio);
+    change_ = doubt_->log_ratio;
     flicker_ = {};  // it compared with the map as it was
     doubt_->believed = true;
   }
   return true;
 }
 
-Taken ExposureDoubt::judge(std::span<const LevelProbe> probes, std::optional<double> told,
-                           double time) {
+Taken ExposureDoubt::judge(std::span<LevelProbe> all, std::optional<double> told, double time) {
+  const auto unsure =
+      std::partition(all.begin(), all.end(), [](const LevelProbe& p) { return p.sure; });
+  const std::span<const LevelProbe> probes(all.begin(), unsure);
   Taken taken;
-  change_ = 0;
+  change_.reset();
   if (!told) {
-    taken = without_word(probes);
+    taken = without_word(probes, all, time);
     placed_ |= taken.as != TakenAs::left_out;
     assumed_ |= taken.as == TakenAs::assumed;
+    if (taken.as != TakenAs::left_out) last_ = taken.exposure;
     return taken;
   }
   taken.exposure = *told, taken.probes = int(probes.size());

@@ -43,14 +43,26 @@ double PictureLevel::deviation() const {
   return kMedianLoss * spread * std::sqrt(kProbesPerDegree / std::max(1, count));
 }
 
-std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes) {
+std::optional<PictureLevel> fit_shown(std::span<const LevelProbe> probes) {
   std::vector<double> ratios;
   for (const LevelProbe& p : probes)
     if (!p.clipped && mean(p.linear) > 2 * kDarkest && mean(p.linear) < kShown)
       ratios.push_back(std::log(double(mean(p.linear)) / double(mean(p.expected))));
   if (int(ratios.size()) < kLeastProbes) return std::nullopt;
   PictureLevel level;
-  level.exposure = std::exp(median(ratios));
+  level.count = int(ratios.size());
+  const double middle = median(ratios);
+  level.exposure = std::exp(middle);
+  for (double& r : ratios) r = std::abs(r - middle);
+  level.spread = kNormal * median(ratios);
+  return level;
+}
+
+std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes) {
+  const std::optional<PictureLevel> shown = fit_shown(probes);
+  if (!shown) return std::nullopt;
+  PictureLevel level{.exposure = shown->exposure};
+  std::vector<double> ratios;
   for (int round = 0; round < kRounds; ++round) {
     double middle[3], sum = 0, squares = 0;
     for (int c = 0; c < 3; ++c) {

@@ -13,6 +13,7 @@ struct LevelProbe {
   glm::vec3 linear;    // mean over the part
   glm::vec3 expected;  // at exposure 1: radiance in the map × gain × vignetting
   bool clipped;        // any of it
+  bool sure = true;    // whether the map knows the place well
 };
 
 struct PictureLevel {
@@ -31,6 +32,10 @@ inline constexpr int kLeastProbes = 10;  // needed to read a level
 // probes count as below the median and clipped ones as above it: without them it would be drawn
 // towards what can be seen.
 std::optional<PictureLevel> fit_level(std::span<const LevelProbe> probes);
+
+// The same by what the picture shows, whatever it should show: for a place that is no longer as
+// expected. Without a tint.
+std::optional<PictureLevel> fit_shown(std::span<const LevelProbe> probes);
 
 // Whether nearly everything that an exposure should show, or that the picture shows, is off by a
 // factor of two or more; for pictures that are too dark or too bright for fit_level.

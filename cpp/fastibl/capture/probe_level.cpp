@@ -24,7 +24,7 @@ std::vector<std::optional<glm::dvec3>> Capture::probe_rays(const Camera& camera,
 }
 
 void Capture::probe_level(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
-                          ImageView<const std::uint8_t> mask,
+                          ImageView<const std::uint8_t> mask, bool unsure,
                           std::vector<LevelProbe>& probes) const {
   const Camera& camera = k.camera;
   const PixelReader pixels = k.pixels(picture);
@@ -57,18 +57,21 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
       if (!(length > 0 && std::isfinite(length))) continue;  // the map's centre, or the horizon
       const TexelPlace texel_there = texel_at(glm::vec3(direction / length), grid_.size);
       const TilePlace there = tile_place(grid_, texel_there.face, texel_there.x, texel_there.y);
-      if (!(state_.last_seen.at(there.tile, there.texel) > kNever)) continue;
+      const double seen = state_.last_seen.at(there.tile, there.texel);
+      if (!(seen > kNever)) continue;
       const std::size_t at =
           std::size_t(there.tile) * std::size_t(grid_.stride()) + std::size_t(there.texel);
       if (state_.bound[at]) continue;
       LevelProbe probe{};
-      bool known = true;
+      bool lit = true;
       for (int c = 0; c < 3; ++c) {
         const float value = state_.value[c][at];
-        known &= value > 0 && state_.variance[c][at] < kKnown * kKnown * value * value;
+        lit &= value > 0;
+        probe.sure &= state_.variance[c][at] < kKnown * kKnown * value * value;
         probe.expected[c] = value * float(camera.gain * k.vignette(float(cx), float(cy)));
       }
-      if (!known) continue;
+      if (!lit || !(probe.sure || unsure)) continue;
+      if (!probe.sure) probe.expected *= change_since(seen);
       const PixelReader::Block part = pixels.block(x, y, size, size > 2 * kStep ? kStep : 1);
       probe.linear = part.linear, probe.clipped = part.clipped;
       probes.push_back(probe);
