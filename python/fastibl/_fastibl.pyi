@@ -917,9 +917,9 @@ class Taken:
         Which exposure was used. "told": the one that came with the picture. "corrected": that one contradicts the
         map all over the picture, and the map's was used. "estimated": none came, and the map told it. "averaged": whole
         pictures of this exposure vary up and down, as short ones do under lamps on the mains: the picture was taken to be as
-        bright as the map, which moves towards their mean. "assumed": none came with the camera's first picture, of which the
-        map knows nothing, and 1 was used. "left out": the picture shows nothing of what it should, or no exposure came and the
-        map cannot tell it.
+        bright as the map, which moves towards their mean. "assumed": none came, and the map knows nothing of what the camera's
+        first pictures show, or those of some time: what the board's white says was used, else the last exposure, or 1.
+        "left out": the picture shows nothing of what it should, or no exposure came and the map cannot tell it yet.
         """
     @property
     def probes(self) -> int:

@@ -73,7 +73,7 @@ void Capture::know_scale(int first) {
 // The unseen sky is taken to be as bright as the seen part. The more was seen, the better the scale
 // is known, so the white is asked again whenever more was seen. As the same part is seen, what
 // changes is the light, which pictures of cameras that tell no exposure do not show.
-std::optional<double> Capture::mending(double share, double factor) {
+std::optional<double> Capture::mending(double share, double factor, bool follow) {
   if (scaled_at_ <= kAllSeen && share >= kLeastSeen &&
       1 - share <= kLessUnseen * (1 - scaled_at_)) {
     scaled_at_ = share;
@@ -81,7 +81,7 @@ std::optional<double> Capture::mending(double share, double factor) {
     balance_ = Balance{good ? factor : 1, share, time_};
     return good ? std::nullopt : std::optional(factor);
   }
-  if (!balance_ || std::abs(share - balance_->share) > kSameShare)
+  if (!follow || !balance_ || std::abs(share - balance_->share) > kSameShare)
     balance_ = Balance{factor, share, time_};
   const double drift = factor / balance_->factor;
   if (std::abs(std::log(drift)) <= kDrift) balance_->since = time_;
@@ -104,7 +104,7 @@ void Capture::mend_scale(std::vector<int>& changed) {
   const double share = seen / sky;
   const double factor = (share * grey(*plane_irradiance_) - known) / assumed;
   if (!(factor > 0) || !std::isfinite(factor)) return;
-  const std::optional<double> mend = mending(share, factor);
+  const std::optional<double> mend = mending(share, factor, assumed >= known);
   if (!mend) return;
   const std::size_t stride = std::size_t(grid_.stride());
   for (int tile = 0; tile < grid_.count(); ++tile) {

@@ -189,8 +189,8 @@ class Capture {
   // Makes what is in an assumed scale as bright as the board's white says; appends such tiles.
   void mend_scale(std::vector<int>& changed);
   // The factor for that, if it is known: `factor` where more of the sky was seen than before, else
-  // its change. share: of the sky that was seen.
-  std::optional<double> mending(double share, double factor);
+  // its change if that may be believed. share: of the sky that was seen.
+  std::optional<double> mending(double share, double factor, bool follow);
   glm::dvec3 seen_sky_irradiance() const;  // of the plane
   // True if the picture shows the board's white well enough.
   bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
