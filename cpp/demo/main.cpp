@@ -1,7 +1,7 @@
 #include <iostream>
-#include <stdexcept>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/core/utils/logger.hpp>
+#include <stdexcept>
 
 #include "demo/headless.h"
 #ifdef FASTIBL_WITH_WINDOW
