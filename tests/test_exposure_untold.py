@@ -72,7 +72,21 @@ def test_all_the_light_changes_and_one_camera_tells_it(untold, factor):
         levels = still.levels()
         print(f"{untold} untold, light x{now:g}: sky, plane, white x{levels.round(3)}, {dict(how[untold])}")
         assert how[untold]["left out"] <= 2
-        np.testing.assert_allclose(levels, now, rtol=0.05)
+        np.testing.assert_allclose(levels, now, rtol=0.08)
+
+
+def test_what_changes_leave_does_not_add_up_without_bound():
+    """Each change leaves 2 to 3 % in what the other camera shows; from a fifth on, the board's white mends it."""
+    still = Still({"front"})
+    still.run(1)
+    still.levels()
+    sky = []
+    for _ in range(8):
+        for now in (0.1, 1.0):
+            still.run(1.5, lambda share, now=now: now)
+        sky.append(still.levels()[0])
+    print(f"sky after each of 8 nights: {np.round(sky, 3)}")
+    assert 0.8 < min(sky) and max(sky) < 1.2
 
 
 @pytest.mark.parametrize("untold", [{"front"}, {"front", "back"}])

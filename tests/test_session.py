@@ -414,11 +414,12 @@ def test_a_clock_that_starts_anew():
 
 
 def test_times_that_do_not_go_on_are_told():
-    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    session, lit = fastibl.Session(ball(), RIG, size=8), fastibl.Session(ball(), RIG, environment=WHITE)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for k in range(62):
             session.process(given(k // 2))  # two cameras at a time
+            lit.process(given(0.0))  # of given light, pictures may be of any time
     with pytest.warns(UserWarning, match="31 frames in a row have the time 40 s") as told:
         for _ in range(40):
             session.process(given(40.0))

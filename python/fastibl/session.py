@@ -202,6 +202,7 @@ class Session(_Session):
         self._given_poses = GivenPoses(rig.back, board)
         self._last_time: float | None = None  # of a frame
         self._same_times = 0  # frames after another of that time
+        self._captures = environment is None
         if cast_shadow:
             bake_shadow(scene, resolved.shadow)
         super().__init__(
@@ -233,7 +234,8 @@ class Session(_Session):
 
         Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
         runs backwards (see `restart_clock`), an attitude that is no rotation, or a frame with neither picture nor pose;
-        TypeError for other dtypes. Warns of a time that is days after the last frame's, and of many equal ones.
+        TypeError for other dtypes. Warns of a time that is days after the last frame's, and of many equal ones
+        where the light is captured.
         """
         expect(frame, Frame, "frame")
         self._watch_times(frame.time)
@@ -265,7 +267,7 @@ class Session(_Session):
                 "was wrong, session.restart_clock() takes others again",
                 stacklevel=3,
             )
-        if self._same_times == _MOST_AT_ONCE:
+        if self._same_times == _MOST_AT_ONCE and self._captures:
             warnings.warn(
                 f"{_MOST_AT_ONCE + 1} frames in a row have the time {time:g} s: what lasts, such as a lamp that was "
                 "switched on, is not told from what passes",
@@ -299,6 +301,7 @@ class Session(_Session):
         it, and methods are judged again when a quarter of the light is new.
         """
         self._set_environment(_known(environment))
+        self._captures = environment is None
 
     def set_methods(self, methods: Methods) -> None:
         """Use other methods from the next frame on; bakes the mesh as the constructor does. Raises ValueError for
