@@ -534,6 +534,8 @@ def test_table_of_another_object_is_refused():
         (wrong, cells, cover, run_begin, runs),
         (begin, cells[:-1], cover, run_begin, runs),
         (begin, cells, cover[:, :8], run_begin, runs),
+        (begin, cells, cover[: len(cover) // 2 * 2].reshape(-1, 32), run_begin, runs),
+        (begin, cells, cover, run_begin, runs[: len(runs) // 2 * 2].reshape(-1, 4)),
         (begin, np.full_like(cells, 64), cover, run_begin, runs),
         (begin.astype(np.int64), cells, cover, run_begin, runs),
         (begin, cells, cover, run_begin[:-1], runs),

@@ -34,7 +34,7 @@ std::vector<Row> rows_of(const py::handle& object) {
     throw py::value_error("expected arrays of a table of uint32, uint16, uint8, uint32, uint16");
   const auto array = py::array_t<T, py::array::c_style>::ensure(object);
   constexpr std::size_t width = sizeof(Row) / sizeof(T);
-  if (array.ndim() != (width > 1 ? 2 : 1) || std::size_t(array.shape(array.ndim() - 1)) % width)
+  if (array.ndim() != (width > 1 ? 2 : 1) || (width > 1 && array.shape(1) != py::ssize_t(width)))
     throw py::value_error(
         "expected arrays of a table with shapes (b,), (n,), (n, 16), (b,), (r, 2), got " +
         shape_of(array));

@@ -75,16 +75,18 @@ std::optional<MeshShadow> MeshShadow::bake(const Mesh& mesh, const MeshShadowOpt
     inner[std::size_t(cell)] = source(shadow.triangles(), shadow.inner_);
     outer[std::size_t(cell)] = source(shadow.outer_triangles(), shadow.outer_);
   };
-  for (int first = 0; first < count; first += kCellsAtOnce) {
-    if (progress && !progress(float(first) / float(count))) return std::nullopt;
-    parallel_for(std::min(kCellsAtOnce, count - first), 1, [&](int begin, int end) {
+  try {
+    parallel_for(progress, kCellsAtOnce, count, 1, [&](int begin, int end) {
       ShadowTriangles::Scratch scratch;
       std::vector<PlaneBits> images;
-      for (int cell = first + begin; cell < first + end; ++cell) bake_cell(cell, images, scratch);
+      for (int cell = begin; cell < end; ++cell) bake_cell(cell, images, scratch);
     });
+    shadow.tables_ = {SparseCover(options.resolution, inner),
+                      SparseCover(options.resolution, outer)};
+    tell(progress, 1);
+  } catch (const WorkEnded&) {
+    return std::nullopt;
   }
-  shadow.tables_ = {SparseCover(options.resolution, inner), SparseCover(options.resolution, outer)};
-  if (progress && !progress(1)) return std::nullopt;
   return shadow;
 }
 
