@@ -3,6 +3,7 @@
 
 #include "bindings/numpy.h"
 #include "bindings/one_at_a_time.h"
+#include "bindings/progress.h"
 #include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/shadow/mesh_shadow_light.h"
 
@@ -54,11 +55,7 @@ SparseCover table_of(int size, int sources, const py::list& arrays, std::size_t 
 
 std::optional<MeshShadow> bake(const Mesh& mesh, const MeshShadowOptions& options,
                                const std::function<bool(float)>& progress) {
-  const auto report = [&](float done) {
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    return progress ? progress(done) : true;
-  };
+  const auto report = [&](float done) { return tell_python(progress, done); };
   const py::gil_scoped_release release;
   return MeshShadow::bake(mesh, options, report);
 }

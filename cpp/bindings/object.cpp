@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include "bindings/numpy.h"
+#include "bindings/progress.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/shading/holdout.h"
 #include "fastibl/shadow/mesh_shadow.h"
@@ -13,7 +14,7 @@ class Reporting {
  public:
   Reporting(const py::object& progress, const char* what)
       : manager_(py::module_::import("fastibl.progress").attr("reporting")(progress, what)),
-        report_(manager_.attr("__enter__")()) {}
+        report_(py::cast<std::function<bool(float)>>(manager_.attr("__enter__")())) {}
   ~Reporting() {
     try {
       manager_.attr("__exit__")(py::none(), py::none(), py::none());
@@ -24,15 +25,11 @@ class Reporting {
   Reporting(const Reporting&) = delete;
   Reporting& operator=(const Reporting&) = delete;
 
-  // Called without the GIL.
-  bool operator()(float done) const {
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    return report_.is_none() || py::cast<bool>(report_(done));
-  }
+  bool operator()(float done) const { return tell_python(report_, done); }
 
  private:
-  py::object manager_, report_;
+  py::object manager_;
+  std::function<bool(float)> report_;
 };
 
 void set_look(Scene& scene, const ShadowLook& look) {

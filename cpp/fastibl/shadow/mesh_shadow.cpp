@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "fastibl/core/check.h"
-#include "fastibl/core/parallel.h"
+#include "fastibl/core/progress.h"
 #include "fastibl/shadow/coarse_mesh.h"
 
 namespace fastibl {
