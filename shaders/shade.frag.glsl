@@ -6,7 +6,8 @@
 //                4 exponent below 1: between 2 and 3, 5 filtered samples; glTF's metallic-roughness model, with
 //                BASE_COLOR_MAP METALLIC_MAP ROUGHNESS_MAP EMISSION_MAP NORMAL_MAP ANISOTROPIC 0 or 1: 6 from the
 //                MIP chain, 7 from the chain of round lobes, 8 by filtered samples
-//   PAPER        1: times the directional albedo of Eq. 3, or of its exact factor
+//   PAPER        1: a lobe normalised as in Eq. 3, or by the exact factor, is multiplied by its
+//                directional albedo, since the look-ups give its mean
 //   COLORS       1: the mesh has colours
 //   DISTORTION   1: the camera has a lens model
 //   BOX          1: the walls of a box are seen at their true places

@@ -13,7 +13,7 @@ from ._fastibl import Camera, Pose
 _BAND_STEP, _BLUR_STEP = 0.25, 1.0  # pixels of motion between bands of rows, and between an exposure's poses
 _MOST_POSES = 64  # most poses of one exposure
 _PROBE_TIMES = 5
-_PROBE_DISTANCES = (0.4, 100.0)  # metres: the nearest that a hand shows, and what only turns
+_PROBE_DISTANCES = (0.4, 100.0)  # metres: as near as a camera comes; as far as only rotation moves a picture
 
 
 @dataclass(frozen=True)

@@ -595,7 +595,7 @@ class _Pictures:
         return frame
 
     def _attitude(self, index: int, time: float, noise: float) -> NDArray:
-        """What a gyroscope makes of its rates: it begins with any."""
+        """The attitude by a gyroscope: right at first, then off by a random walk."""
         rotation = self.pose_at(time).rotation
         if index == 0:
             self._walk, self._told = np.random.default_rng([self.seed, 2]), time

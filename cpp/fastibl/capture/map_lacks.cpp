@@ -56,7 +56,8 @@ double Capture::next_exposure(const Camera& camera, const Pose& camera_from_mark
     }
   }
   const double mean = angle_seen > 0 ? flux / angle_seen : mean_radiance();
-  // A map that is empty tells nothing: as long as can be, or what is unseen may clip.
+  // An empty map says nothing of the light. What clips at the longest exposure asks for a shorter
+  // one next.
   return mean > 0 ? fastibl::next_exposure(lacks, mean, range, camera.gain) : range.longest;
 }
 

@@ -15,8 +15,8 @@ constexpr double kRing = 1.4;     // times the outline: what is around it
 // From this relative standard deviation of its distance on, a light counts as distant. Capture
 // reports lights below the same limit.
 constexpr double kUnsure = 0.2;
-constexpr float kLeastSine = 0.01f;   // half a degree: no surface is nearer to less
-constexpr float kMostSine = 0.9999f;  // a light that is not around the centre
+constexpr float kLeastSine = 0.01f;   // half a degree: a point would be infinitely bright up close
+constexpr float kMostSine = 0.9999f;  // the centre lies outside the light
 
 struct Place {
   glm::dvec3 direction;

@@ -30,6 +30,7 @@ OctantGrid make_grid(int size) {
         const double angle = texel_solid_angle(tx, ty, size);
         grid.solid_angle.push_back(float(angle));
         const double x = unit.x, y = unit.y, z = unit.z;
+        // Those of bands 0 and 2, without their constants.
         const double even[6] = {1, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y};
         for (std::size_t i = 0; i < 6; ++i)
           grid.even_harmonics[i].push_back(float(angle * even[i]));

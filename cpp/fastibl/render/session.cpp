@@ -439,7 +439,9 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   // and so do pictures whose rotation the surroundings tell.
   Products wanted = product::texels;
   if (pose) wanted |= product::image;
-  const bool told = tracker_.turned();  // it is told what is seen by now, and so is who asks
+  // A rotation that the surroundings told: the next is sought in the map as it is now, and the
+  // caller gets its light.
+  const bool told = tracker_.turned();
   if (told) wanted |= product::radiance | product::irradiance;
   run_passes(due_passes(plan_, wanted, stale_), frame, result, drawn_from);
   if (told && !in_turns_) ensure_lighting();

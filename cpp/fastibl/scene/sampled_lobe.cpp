@@ -13,7 +13,8 @@ namespace {
 // has few lobes. They are equal shares, in pairs on both sides of y = 0; an odd tap takes the one
 // at the normal.
 struct Share {
-  double beyond, turn;  // the part of the lobe farther from the normal; angle from the x axis
+  double beyond;  // part of the lobe's integral that lies farther from the normal than this tap
+  double turn;    // angle from the x axis
   double side;          // 1 or −1: sign of y
 };
 std::vector<Share> equal_shares(int taps) {

@@ -11,10 +11,11 @@ namespace {
 constexpr int kSteps = 16;       // along each side of the picture: lenses bend it
 constexpr double kMargin = 0.1;  // of the picture's size
 constexpr int kSides = 32;       // of the polygon within the circle up to which a lens model goes
-constexpr double kBend = 0.2;    // pixels
+constexpr double kBend = 0.2;    // pixels that a lens may bend an edge before it is halved
 constexpr double kFarthest = 1000;           // on the plane z = 1
 constexpr int kMostHalved = 32;              // times that a triangle is halved
-constexpr std::size_t kMostParts = 1 << 16;  // beyond, of a lens that is none, edges stay straight
+// A lens model that fits no lens may bend everything: beyond so many parts edges stay straight.
+constexpr std::size_t kMostParts = 1 << 16;
 
 struct Box {
   glm::dvec2 lower, upper;

@@ -43,14 +43,14 @@ Cells make_cells(int size) {
 
 const Cells& cells_of(int size) {
   static const Cells all[3] = {make_cells(16), make_cells(32), make_cells(64)};
-  return all[size / 32];
+  return all[size / 32];  // 16, 32, 64: 0, 1, 2
 }
 
 Flux flux_of(const CellLight& light, std::size_t count) {
   const std::vector<float>& own = light.flux();
   Flux flux{std::vector<float>(count, 0.0f), std::vector<float>(count / kLanes, 0.0f)};
   const std::size_t finer = std::max(count, own.size());
-  const float part = float(own.size()) / float(finer);  // of an own cell
+  const float part = float(own.size()) / float(finer);  // of a cell of the light
   for (std::size_t k = 0; k < finer; ++k)
     flux.cells[k * count / finer] += part * own[k * own.size() / finer];
   for (std::size_t k = 0; k < count; ++k) flux.groups[k / kLanes] += flux.cells[k];

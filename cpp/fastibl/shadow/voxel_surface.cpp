@@ -69,7 +69,8 @@ std::vector<SurfacePoint> surface_points(const Mesh& mesh, const VoxelGrid& grid
           glm::vec3 normal = outwards(inside, grid, i) + outwards(inside, grid, i + stride);
           // Crumbs of voxels may have any sum, also 0.
           normal = glm::dot(normal, forward) > 0 ? glm::normalize(normal) : forward;
-          // A voxel's face shows cos of the area: Σ over the axes of n · n_axis is 1 per area.
+          // A voxel's face across an axis stands for |n_axis| of the smooth surface's area: such
+          // faces are 1/|n_axis| of it, on three axes, and Σ n_axis² = 1.
           points.push_back({position, normal, std::abs(normal[axis]),
                             thickness(inside, grid, position, -normal)});
         }

@@ -23,18 +23,20 @@ constexpr double kShiftError = 2;      // px of a tag's shift; farther off is an
 constexpr double kLeastShare = 0.15;   // of readable tags must be read, and of edges used
 constexpr double kProvenShare = 0.5;   // the same where the start was not right
 constexpr std::size_t kFarEdges = 200;
-constexpr std::size_t kWideEdges =
-    240;                            // from so many on, narrow ones, which err more, are left out
+// From so many wide edges on, narrow ones, which err more, are left out.
+constexpr std::size_t kWideEdges = 240;
 constexpr double kNear = 0.5;       // px of motion over which edges are followed from close by
 constexpr double kSettled = 0.02;   // px of motion in the last round
 constexpr double kDoubtful = 0.15;  // px, median: above it, both minima are looked at at once
 constexpr double kLargestResidual = 0.6;  // px, median: edges of something else
-constexpr double kSurplus = 12;           // of cost by which the other minimum counts half
-constexpr double kSystematic = 0.08;      // of the surplus that counts: errors are not independent
+// How much worse, in squared deviations, the other minimum must fit for an ambiguity of a half; and
+// the part of a difference that counts, because the edges' errors are not independent.
+constexpr double kSurplus = 12;
+constexpr double kSystematic = 0.08;
 
 constexpr std::size_t kEdgesAlone = 1600;  // where pixels are of no use
 constexpr std::size_t kPixels = 6500;      // tell nearly as much of the pose as all
-constexpr double kCommon = 0.1;       // of the edges' variance, which pixels share: their model's
+constexpr double kCommon = 0.1;       // of the edges' variance: the part that pixels err by as well
 constexpr double kAgree = 16.8;       // squared distance of two poses: 99 % of six normal errors
 constexpr double kSlopeBlur = 0.798;  // deviation of a normal edge by half its width: sqrt(2 / pi)
 constexpr double kLeastBlur = 0.5;    // px, with that of the pixels
@@ -305,7 +307,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
     return fit;
   };
   Codes codes = read_codes(light, pattern_, project(pose));
-  // What was found by a search may be a part of the board beside itself.
+  // A search may have laid the board onto a shifted part of itself: more must agree then.
   const double share = codes.mean < kClose ? kProvenShare : kLeastShare;
   if (codes.mean < kClose && options.search_px > 0) {
     pose = moved_to_tags(light, pattern_, project(pose), pose, camera_, lens_, options.search_px);

@@ -119,14 +119,15 @@ std::optional<NearEdge> find_near_edge(const LightReader& light, const ExpectedE
   if (!read_profile(light, {expected.a, expected.b, levels + 1}, p)) return std::nullopt;
   const auto at = [&](int k) { return double(p.value[std::size_t(p.reach + k)]); };
   const auto slope = [&](int k) { return 0.5 * (at(k + 1) - at(k - 1)); };
-  // Half-way between levels that may themselves lie on the edge, where it is wide. The levels move
-  // with it, and what is left of the slope is how fast the profile crosses the middle between them.
+  // The edge is where the profile crosses the middle between black and white. A wide edge reaches
+  // the samples that tell black and white, so that they change, too, when it moves: `gain` is the
+  // profile's slope less theirs, by which the distance from the crossing is worked out.
   double black = 0, white = 0, gain = 0;
   for (int k = nearest; k <= levels; ++k) {
     black += at(-k), white += at(k);
     gain += 0.5 * (slope(k) + slope(-k));
   }
-  // Of fourth order: it is narrow there.
+  // A difference of fourth order, as two samples span much of a sharp edge.
   const double steepest = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / 12;
   const int count = levels - nearest + 1;
   black /= count, white /= count, gain = steepest - gain / count;

@@ -317,7 +317,8 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     contradicted_ |= !result && found->residual > kContradicts * options_.largest_residual &&
                      std::any_of(seen.begin(), seen.end(), shows_something);
   }
-  // Far from what was expected, few features may agree by chance, and what repeats itself does.
+  // Where little is known of the rotation, few features may agree by chance, and so does a pattern
+  // that repeats itself.
   const double expected = std::sqrt(largest_eigenvalue(state_->ww));
   if (result && ((expected > kWidest && result->features < kFew) ||
                  (expected > kWide && !is_only_one(*found, prior, seen))))

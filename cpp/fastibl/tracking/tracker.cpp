@@ -81,8 +81,8 @@ double squared_px(const Seen& s, const Lens& lens, const Pose& pose) {
   return squared_error(s, lens, pose) * s.matches[0].noise * s.matches[0].noise;
 }
 
-// From 0 to 1 for each tag. One far off speaks for nothing, however far off it is; but it never
-// ties.
+// From 0 to 1 for each tag, so that one far off weighs no more than another; but of two poses that
+// are both far off, the nearer one is still less.
 double disagreement(const std::vector<Seen>& seen, const Lens& lens, const Pose& pose) {
   double sum = 0;
   for (const Seen& s : seen) {

@@ -83,7 +83,7 @@ def _drawn(place, backend: str) -> Outcome:
     )
     session.process(Frame(time=0.0, back_from_marker=FRONT))
     gain = session.plane_gain
-    # Half of all directions full of the lamp: what its flux would be at no distance.
+    # A lamp gives most where it fills half of all directions.
     return both(
         is_light(session.object.rgba[..., :3], 100 * 400.0, "light"),
         is_light(gain.image, 10.0, "gain of the plane"),
