@@ -22,7 +22,8 @@ using Flux = LobeCells::Flux;
 
 // The cells of a group make up one cell of a grid of a quarter of the size.
 constexpr int kLanes = HiddenCells::kGroup;
-constexpr int kFinest = 64;     // cells along an edge
+constexpr int kFinest = 64;  // cells along an edge
+constexpr int kMostGroups = kFinest * kFinest / kLanes;
 constexpr float kReach = 2.2f;  // of a Blinn lobe, standard deviations
 
 Cells make_cells(int size) {
@@ -64,40 +65,56 @@ struct View {
   float alpha2, flatness, view_mask;  // GGX's: α², 1 − α², √(α² + (1 − α²)(n·v)²)
 };
 
-// Weight of the lobe in 16 directions: cos θ (n·h)^s, or cos θ D(h)/masking.
-FASTIBL_INLINE void weigh(const View& view, const float* x, const float* y, const float* z,
-                          float* weight) {
-  float cosine[kLanes], half2[kLanes];
-  for (int k = 0; k < kLanes; ++k) {
-    const float c = x[k] * view.nx + y[k] * view.ny + z[k] * view.nz;
-    const float to_view = x[k] * view.vx + y[k] * view.vy + z[k] * view.vz;
-    const float sum = c + view.nv;
-    cosine[k] = c > 0 ? c : 0;
-    const float length2 = 2 + 2 * to_view;
-    half2[k] = sum * sum / (length2 > 1e-6f ? length2 : 1e-6f);
-  }
+// Weight of the lobe in some directions: cos θ (n·h)^s, or cos θ D(h)/masking.
+template <typename V>
+FASTIBL_INLINE V weight_of(const View& view, const float* at_x, const float* at_y,
+                           const float* at_z) {
+  const V x = floats_at<V>(at_x), y = floats_at<V>(at_y), z = floats_at<V>(at_z);
+  const V c = x * view.nx + y * view.ny + z * view.nz;
+  const V to_view = x * view.vx + y * view.vy + z * view.vz;
+  const V sum = c + view.nv, length2 = 2 + 2 * to_view;
+  const V cosine = c > 0 ? c : V{};
+  const V half2 = sum * sum / (length2 > 1e-6f ? length2 : V{} + 1e-6f);
   if (view.half_exponent > 0) {
-    for (int k = 0; k < kLanes; ++k) {
-      // (n·h)^s = exp(s/2 ln(1 − u)), five terms of the logarithm's series: 5 % short at u = 0.7.
-      float u = 1 - half2[k];
-      u = u > 0 ? u : 0;
-      const float logarithm = u * (1 + u * (0.5f + u * (1 / 3.0f + u * (0.25f + u * 0.2f))));
-      float power = -1.44269504f * view.half_exponent * logarithm;  // of two
-      power = power > -80 ? power : -80;
-      const int whole = int(power) - 1;
-      const float f = power - float(whole);  // in (0, 1], 1 where power is 0
-      const float mantissa =
-          1 + f * (0.693147f + f * (0.240227f + f * (0.0558f + f * 0.0096f)));  // 1e-4 off
-      weight[k] = cosine[k] * mantissa * std::bit_cast<float>(std::int32_t(whole + 127) << 23);
-    }
-  } else {
-    for (int k = 0; k < kLanes; ++k) {
-      const float d = half2[k] * (view.alpha2 - 1) + 1;
-      const float mask = std::sqrt(view.alpha2 + view.flatness * cosine[k] * cosine[k]) * view.nv +
-                         view.view_mask * cosine[k];
-      weight[k] = cosine[k] / (d * d * (mask > 1e-6f ? mask : 1e-6f));
-    }
+    // (n·h)^s = exp(s/2 ln(1 − u)), five terms of the logarithm's series: 5 % short at u = 0.7.
+    const V beside = 1 - half2, u = beside > 0 ? beside : V{};
+    const V logarithm = u * (1 + u * (0.5f + u * (1 / 3.0f + u * (0.25f + u * 0.2f))));
+    const V of_two = -1.44269504f * view.half_exponent * logarithm;
+    const V power = of_two > -80 ? of_two : V{} - 80;
+    const auto whole = __builtin_convertvector(power, IntsOf<V>) - 1;
+    const V f = power - __builtin_convertvector(whole, V);  // in (0, 1], 1 where power is 0
+    const V mantissa =
+        1 + f * (0.693147f + f * (0.240227f + f * (0.0558f + f * 0.0096f)));  // 1e-4 off
+    return cosine * mantissa * reinterpret_cast<V>((whole + 127) << 23);
   }
+  const V d = half2 * (view.alpha2 - 1) + 1;
+  V root = view.alpha2 + view.flatness * cosine * cosine;
+  for (int k = 0; k < kFloatsIn<V>; ++k) root[k] = std::sqrt(root[k]);
+  const V mask = root * view.nv + view.view_mask * cosine;
+  return cosine / (d * d * (mask > 1e-6f ? mask : V{} + 1e-6f));
+}
+
+// Products of the middles of groups with a lobe's.
+template <typename V>
+FASTIBL_INLINE V along(const Cells& cells, std::size_t group, const float* axis) {
+  return floats_at<V>(&cells.group_x[group]) * axis[0] +
+         floats_at<V>(&cells.group_y[group]) * axis[1] +
+         floats_at<V>(&cells.group_z[group]) * axis[2];
+}
+
+template <typename V>
+FASTIBL_INLINE bool any_of(const IntsOf<V>& places) {
+  int any = 0;
+  for (int k = 0; k < kFloatsIn<V>; ++k) any |= places[k];
+  return any != 0;
+}
+
+// Some cells of a group that are hidden: all bits set in a float's place. part: the first of them.
+template <typename V>
+FASTIBL_INLINE IntsOf<V> hidden_in(HiddenCells::Mask mask, int part) {
+  IntsOf<V> bits;
+  for (int k = 0; k < kFloatsIn<V>; ++k) bits[k] = 1 << k;
+  return ((int(mask) >> part) & bits) != 0;
 }
 
 struct Sums {
@@ -113,68 +130,62 @@ struct Hidden {
 
 // axis: the lobe's middle. Groups whose product with it is above `least` are looked at cell by
 // cell. far: whether the others are looked at as a whole.
-template <int kCorners>
+template <typename V, int kCorners>
 FASTIBL_INLINE void add_up(const Cells& cells, const Flux& flux, const View& view,
                            const float* axis, float least, const Hidden<kCorners>& hidden, bool far,
                            Sums* sums) {
-  float all[kLanes] = {}, lost[kLanes] = {};
-  float near[kLanes], weight[kLanes];
+  constexpr int kWidth = kFloatsIn<V>, kParts = kLanes / kWidth;
+  std::uint16_t near[kMostGroups];
+  int count = 0, touched = 0;
+  for (int first = 0; first < cells.groups; first += kWidth) {
+    const auto is_near = along<V>(cells, std::size_t(first), axis) > least;
+    if (!any_of<V>(is_near)) continue;
+    for (int k = 0; k < kWidth; ++k) {
+      near[count] = std::uint16_t(first + k);
+      count += is_near[k] & 1;
+      touched |= is_near[k] & hidden.masks[0][first + k];
+    }
+  }
   // Places between corners are mostly asked only where one of the corners meets the object.
-  int any = far || kCorners > 1;
-  for (int g = 0; g < cells.groups && kCorners == 1; ++g) {
-    const float product = cells.group_x[std::size_t(g)] * axis[0] +
-                          cells.group_y[std::size_t(g)] * axis[1] +
-                          cells.group_z[std::size_t(g)] * axis[2];
-    any |= (product > least) & (hidden.masks[0][g] != 0);
-  }
-  if (!any) return;
-  for (int first = 0; first < cells.groups; first += kLanes) {
-    const std::size_t at = std::size_t(first);
-    const float *gx = &cells.group_x[at], *gy = &cells.group_y[at], *gz = &cells.group_z[at];
-    int some = far;
-    for (int k = 0; k < kLanes; ++k) {
-      near[k] = gx[k] * axis[0] + gy[k] * axis[1] + gz[k] * axis[2];
-      some |= near[k] > least;
-    }
-    if (!some) continue;
-    if (far) {
-      weigh(view, gx, gy, gz, weight);
-      for (int k = 0; k < kLanes; ++k) {
-        const float w = near[k] > least ? 0 : weight[k] * flux.groups[at + std::size_t(k)];
-        all[k] += w;
-        for (int c = 0; c < kCorners; ++c)
-          lost[k] += hidden.weights[c] * w * float(std::popcount(hidden.masks[c][first + k])) *
-                     (1.0f / kLanes);
-      }
-    }
-    for (int j = 0; j < kLanes; ++j) {
-      if (!(near[j] > least)) continue;
-      const std::size_t cell = std::size_t(first + j) * kLanes;
-      weigh(view, &cells.x[cell], &cells.y[cell], &cells.z[cell], weight);
-      for (int k = 0; k < kLanes; ++k) {
-        weight[k] *= flux.cells[cell + std::size_t(k)];
-        all[k] += weight[k];
-      }
+  if (!touched && !far && kCorners == 1) return;
+  V all[kParts] = {}, lost[kParts] = {};
+  for (int first = 0; far && first < cells.groups; first += kLanes)
+    for (int p = 0; p < kParts; ++p) {
+      const std::size_t at = std::size_t(first + p * kWidth);
+      const V weight =
+          weight_of<V>(view, &cells.group_x[at], &cells.group_y[at], &cells.group_z[at]) *
+          floats_at<V>(&flux.groups[at]);
+      const V w = along<V>(cells, at, axis) > least ? V{} : weight;
+      all[p] += w;
       for (int c = 0; c < kCorners; ++c) {
-        const int mask = hidden.masks[c][first + j];
-        if (mask == 0) continue;
-        const float part = hidden.weights[c];
-        for (int k = 0; k < kLanes; ++k) lost[k] += (mask >> k) & 1 ? part * weight[k] : 0;
+        V part;
+        for (int k = 0; k < kWidth; ++k)
+          part[k] = float(std::popcount(hidden.masks[c][at + std::size_t(k)]));
+        lost[p] += hidden.weights[c] * w * part * (1.0f / kLanes);
       }
     }
+  for (int i = 0; i < count; ++i) {
+    const int group = near[i];
+    for (int p = 0; p < kParts; ++p) {
+      const std::size_t at = std::size_t(group * kLanes + p * kWidth);
+      const V weight = weight_of<V>(view, &cells.x[at], &cells.y[at], &cells.z[at]) *
+                       floats_at<V>(&flux.cells[at]);
+      all[p] += weight;
+      for (int c = 0; c < kCorners; ++c)
+        lost[p] +=
+            hidden_in<V>(hidden.masks[c][group], p * kWidth) ? hidden.weights[c] * weight : V{};
+    }
   }
-  for (int k = 0; k < kLanes; ++k) sums->all += all[k], sums->lost += lost[k];
+  for (int p = 0; p < kParts; ++p) add_each(all[p], sums->all), add_each(lost[p], sums->lost);
 }
-FASTIBL_CLONES void add_up_at_corner(const Cells& cells, const Flux& flux, const View& view,
-                                     const float* axis, float least, const Hidden<1>& hidden,
-                                     bool far, Sums* sums) {
-  add_up<1>(cells, flux, view, axis, least, hidden, far, sums);
-}
-FASTIBL_CLONES void add_up_between(const Cells& cells, const Flux& flux, const View& view,
-                                   const float* axis, float least, const Hidden<3>& hidden,
-                                   bool far, Sums* sums) {
-  add_up<3>(cells, flux, view, axis, least, hidden, far, sums);
-}
+FASTIBL_BY_WIDTH(void add_up_at_corner(const Cells& cells, const Flux& flux, const View& view,
+                                       const float* axis, float least, const Hidden<1>& hidden,
+                                       bool far, Sums* sums),
+                 add_up<V, 1>(cells, flux, view, axis, least, hidden, far, sums))
+FASTIBL_BY_WIDTH(void add_up_between(const Cells& cells, const Flux& flux, const View& view,
+                                     const float* axis, float least, const Hidden<3>& hidden,
+                                     bool far, Sums* sums),
+                 add_up<V, 3>(cells, flux, view, axis, least, hidden, far, sums))
 
 // Cells along an edge of which two are no wider than the lobe's standard deviation.
 int size_for(float width) { return width > 0.75f ? 16 : width > 0.24f ? 32 : kFinest; }
