@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
+#include <optional>
 
 #include "demo/overlays/format.h"
 #include "fastibl/core/check.h"
+#include "fastibl/core/parse_number.h"
 
 namespace fastibl::demo {
 namespace {
@@ -16,11 +18,9 @@ Values off_on(const Player&) { return {"off", "on"}; }
 std::string switched(bool on) { return on ? "on" : "off"; }
 
 double number(const char* command, const std::string& text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  check(error == std::errc{} && end == text.data() + text.size(), command,
-        ": expected a number, got \"", text, '"');
-  return value;
+  const std::optional<double> value = parse_number(text);
+  check(value.has_value(), command, ": expected a number, got \"", text, '"');
+  return *value;
 }
 std::string plain(float value) {  // the shortest text that reads back the same
   char text[32];

@@ -6,12 +6,14 @@
 #include <iostream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string_view>
 
 #include "demo/calibration.h"
 #include "demo/pixels.h"
 #include "demo/recording_tables.h"
 #include "fastibl/core/check.h"
+#include "fastibl/core/parse_number.h"
 
 namespace fastibl::demo {
 namespace {
@@ -76,11 +78,9 @@ std::vector<char> bytes_of(const fs::path& path, std::size_t most) {
 }
 
 double number(const std::string& text, const std::string& where) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  check(error == std::errc{} && end == text.data() + text.size() && std::isfinite(value), where,
-        ": expected a finite number, got \"", text, "\"");
-  return value;
+  const std::optional<double> value = parse_number(text);
+  check(value && std::isfinite(*value), where, ": expected a finite number, got \"", text, "\"");
+  return *value;
 }
 
 // The cells of a table's first line, which spreadsheets begin with a byte order mark.

@@ -8,10 +8,13 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "fastibl/core/parallel.h"
+#include "fastibl/core/parse_number.h"
 #include "fastibl/core/plane_motion.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/core/solve.h"
@@ -82,6 +85,44 @@ TEST_CASE("what is lifted is told by the object's middle, wherever the origin is
     }
   CHECK_FALSE(motion_along_plane({rotation_from_vector({2e-3, 0, 0}), {0, 0, 0}}, {0, 0}, size));
   CHECK_FALSE(motion_along_plane({rotation_from_vector({3.14159265, 0, 0}), {}}, {0, 0}, size));
+}
+
+TEST_CASE("numbers are read alike with and without std::from_chars for doubles") {
+  const double infinity = std::numeric_limits<double>::infinity();
+  const std::pair<const char*, std::optional<double>> cases[] = {
+      {"1", 1.0},
+      {"-12.5e3", -12500.0},
+      {".5", 0.5},
+      {"5.", 5.0},
+      {"1e+5", 1e5},
+      {"4.9e-324", 4.9e-324},
+      {"1e-310", 1e-310},
+      {"1e-400", 0.0},
+      {"1e400", infinity},
+      {"-1e400", -infinity},
+      {"0.1", 0.1},
+      {"1.7976931348623157e308", 1.7976931348623157e308},
+      {"", {}},
+      {"-", {}},
+      {"e5", {}},
+      {"1e", {}},
+      {"1e+", {}},
+      {"--1", {}},
+      {"1-", {}},
+      {"+1", {}},
+      {" 1", {}},
+      {"1 ", {}},
+      {"1,5", {}},
+      {"0x10", {}},
+      {"nan", {}},
+      {"inf", {}},
+      {".", {}},
+      {"1.2.3", {}}};
+  for (const auto& [text, value] : cases) {
+    CAPTURE(text);
+    CHECK(parse_number(text) == value);
+    CHECK(parse_number_by_stream(text) == value);
+  }
 }
 
 TEST_CASE("decoding what is no number gives 0") {

@@ -6,12 +6,14 @@
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <unordered_map>
 #include <utility>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/parse_number.h"
 #include "fastibl/scene/response.h"
 #include "fastibl/scene/rounded_places.h"
 
@@ -75,13 +77,10 @@ class Lines {
 };
 
 double number_of(std::string_view word, const char* expected, int line) {
-  double value = 0;
   if (word.starts_with('+')) word.remove_prefix(1);
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  check((error == std::errc() || error == std::errc::result_out_of_range) &&
-            end == word.data() + word.size(),
-        "line ", line, ": expected ", expected, ", got \"", word, "\"");
-  return error == std::errc() ? value : std::numeric_limits<double>::infinity();
+  const std::optional<double> value = parse_number(word);
+  check(value.has_value(), "line ", line, ": expected ", expected, ", got \"", word, "\"");
+  return *value;
 }
 
 glm::dvec3 three_numbers(Lines& lines) {
