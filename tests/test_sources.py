@@ -272,15 +272,15 @@ def write_video(path, count, first=0, size=(64, 48)):
     return path
 
 
-def hdr_video(path, transfer):
-    """A film whose description says another curve."""
+def hdr_video(path, transfer, kind=b"nclx"):
+    """A film whose description says another curve: kind is nclx in an .mp4, nclc in QuickTime's .mov."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 20, (64, 48))
     if not writer.isOpened():
         pytest.skip("this OpenCV writes no mp4v")
     for k in range(3):
         writer.write(np.full((48, 64, 3), 80 * k, np.uint8))
     writer.release()
-    data, colour = path.read_bytes(), b"colrnclx" + bytes([0, 9, 0, transfer, 0, 9, 0])
+    data, colour = path.read_bytes(), b"colr" + kind + bytes([0, 9, 0, transfer, 0, 9, 0])
     added = (len(colour) + 12).to_bytes(4, "big") + b"free" + (len(colour) + 4).to_bytes(4, "big") + colour
     at = data.rindex(b"moov") - 4  # pictures come before it
     size = int.from_bytes(data[at : at + 4], "big")
@@ -298,9 +298,35 @@ def test_a_film_of_a_wide_range_is_told(tmp_path):
             warnings.simplefilter("always")
             assert len(list(sources.VideoSource(RIG, film))) == 3
         assert [curve in str(w.message) for w in told] == ([True] if curve else [])
+    film = hdr_video(tmp_path / "IMG_0001.mov", 18, b"nclc")  # as telephones write it
+    assert hdr_curve(film) == "HLG"
+    lines = []
+    with LiveCamera(str(film), log=lines.append) as camera:
+        assert camera.newest(10) is not None
+    assert sum("HLG" in line for line in lines) == 1
     for data in (b"", b"moov", bytes(64), b"\0\0\0\1free" + b"\xff" * 40, b"\0\0\0\0moov", b"RIFF" + bytes(100)):
         (tmp_path / "other").write_bytes(data)
         assert hdr_curve(tmp_path / "other") is None
+
+
+@pytest.mark.parametrize("ending", ["mov", "mp4", "mkv", "webm"])
+def test_containers_tell_of_a_wide_range(tmp_path, ending):
+    """Films as FFmpeg writes them, which pictures that look like a statement do not confuse."""
+    av = pytest.importorskip("av")
+    for transfer, curve in ((18, "HLG"), (16, "PQ"), (1, None)):
+        path = tmp_path / f"{transfer}.{ending}"
+        with av.open(str(path), "w") as film:
+            stream = film.add_stream("libvpx-vp9" if ending == "webm" else "mpeg4", rate=20)
+            stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+            about = stream.codec_context
+            about.color_primaries, about.color_trc, about.colorspace = 9, transfer, 9
+            for _ in range(3):
+                film.mux(stream.encode(av.VideoFrame.from_ndarray(np.zeros((48, 64, 3), np.uint8), format="rgb24")))
+            film.mux(stream.encode())
+        assert hdr_curve(path) == curve
+        if ending == "mkv":
+            path.write_bytes(path.read_bytes() + b"\x55\xba\x81\x10")
+            assert hdr_curve(path) == curve
 
 
 def test_videos(tmp_path):

@@ -7,6 +7,7 @@ rotation). A lens belongs to the sensor's pixels, however the telephone was held
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,9 +19,15 @@ from .picture_headers import camera_picture_size
 
 _PERIOD = 1 / 30  # seconds between pictures, where a film does not tell its rate
 _MOST_DESCRIBED = 64 * 2**20  # bytes
+_MOST_BEFORE_PICTURES = 2**20  # bytes
+_MATROSKA = b"\x1a\x45\xdf\xa3"
 _FILMS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts")
 HDR_ADVICE = "it is read in 8 bits, white from two stops below its brightest on; film without HDR, or convert it first"
 _HDR = {16: "PQ", 18: "HLG"}  # transfer characteristics of ITU-T H.273
+# Where films say their transfer characteristics: after the primaries in a box of ISO/IEC 14496-12 (.mp4) or of Apple's
+# QuickTime File Format (.mov); in an element of Matroska, which comes before the pictures, the clusters.
+_CURVE_OF_BOX = re.compile(rb"colr(?:nclx|nclc)..(..)", re.DOTALL)
+_CURVE_OF_MATROSKA, _CLUSTER = re.compile(rb"\x55\xba\x81(.)", re.DOTALL), b"\x1f\x43\xb6\x75"
 
 
 def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any]:
@@ -93,19 +100,22 @@ def is_film_name(path: str | os.PathLike[str]) -> bool:
 
 
 def hdr_curve(path: str | os.PathLike[str]) -> str | None:
-    """ "HLG" or "PQ" for an .mp4 or .mov file that says that its codes follow such a curve (ISO/IEC 14496-12, colr)."""
+    """ "HLG" or "PQ" for a film (.mp4, .mov, .mkv, .webm) that says that its codes follow such a curve."""
     with open(path, "rb") as file:
         described = _film_description(file)
-    at = described.find(b"colrnclx")
-    return None if at < 0 else _HDR.get(int.from_bytes(described[at + 10 : at + 12], "big"))
+    found = (_CURVE_OF_MATROSKA if described.startswith(_MATROSKA) else _CURVE_OF_BOX).search(described)
+    return None if found is None else _HDR.get(int.from_bytes(found[1], "big"))
 
 
 def _film_description(file: BinaryIO) -> bytes:
-    """The "moov" box of an MP4 or MOV file, which may follow all of its pictures; empty for other files."""
+    """The "moov" box of an MP4 or MOV file, which may follow all of its pictures, or what a Matroska file has before
+    its pictures; empty for other files."""
     end = os.fstat(file.fileno()).st_size
     while len(head := file.read(16)) >= 8:
         size, kind, extended = int.from_bytes(head[:4], "big"), head[4:8], head[8:]
         begin = file.tell() - len(head)
+        if begin == 0 and head.startswith(_MATROSKA):
+            return (head + file.read(_MOST_BEFORE_PICTURES)).partition(_CLUSTER)[0]
         size = int.from_bytes(extended, "big") if size == 1 else size
         if kind == b"moov":
             file.seek(begin)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera_files import FilmTimes, is_film, open_film
+from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, is_film, open_film
 
 SECONDS_AT_ONE = 0.01  # seconds of exposure time at an exposure of 1 of a live camera
 _SETTLING = 15  # pictures in which a camera's automatic exposure settles before it is held
@@ -250,6 +250,8 @@ class LiveCamera:
                 self._stop.wait(self._retry)
                 continue
             told = False
+            if self._file and (curve := hdr_curve(str(self.device))):
+                self._log(f"the {self.name} film {self.device} is HDR ({curve}): {HDR_ADVICE}")
             try:
                 self._read(capture)
             except Exception as error:  # noqa: BLE001 - as above
