@@ -13,8 +13,8 @@ from board_pictures import held
 
 import fastibl
 from conftest import same_error
-from fastibl import sources
-from fastibl.camera_files import FilmTimes, hdr_curve, read_pixels
+from fastibl import camera_files, sources
+from fastibl.camera_files import FilmOfBt709, FilmTimes, hdr_curve, read_pixels
 from fastibl.exposure import Bracket
 from fastibl.live_camera import LiveCamera
 from fastibl.picture_headers import camera_picture_size
@@ -272,7 +272,7 @@ def write_video(path, count, first=0, size=(64, 48)):
     return path
 
 
-def hdr_video(path, transfer, kind=b"nclx"):
+def hdr_video(path, transfer, kind=b"nclx", matrix=9):
     """A film whose description says another curve: kind is nclx in an .mp4, nclc in QuickTime's .mov."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 20, (64, 48))
     if not writer.isOpened():
@@ -280,7 +280,7 @@ def hdr_video(path, transfer, kind=b"nclx"):
     for k in range(3):
         writer.write(np.full((48, 64, 3), 80 * k, np.uint8))
     writer.release()
-    data, colour = path.read_bytes(), b"colr" + kind + bytes([0, 9, 0, transfer, 0, 9, 0])
+    data, colour = path.read_bytes(), b"colr" + kind + bytes([0, 9, 0, transfer, 0, matrix, 0])
     added = (len(colour) + 12).to_bytes(4, "big") + b"free" + (len(colour) + 4).to_bytes(4, "big") + colour
     at = data.rindex(b"moov") - 4  # pictures come before it
     size = int.from_bytes(data[at : at + 4], "big")
@@ -327,6 +327,43 @@ def test_containers_tell_of_a_wide_range(tmp_path, ending):
         if ending == "mkv":
             path.write_bytes(path.read_bytes() + b"\x55\xba\x81\x10")
             assert hdr_curve(path) == curve
+
+
+def test_films_of_bt709_for_an_opencv_that_knows_bt601_alone(tmp_path, monkeypatch):
+    """By the luma equations of ITU-R BT.709 and BT.601, as OpenCV before 4.13 reads a film of BT.709."""
+    rgb = np.random.default_rng(1).uniform(60, 190, (48, 64, 3))
+    luma = rgb @ [0.2126, 0.7152, 0.0722]
+    cb, cr = (rgb[..., 2] - luma) / 1.8556, (rgb[..., 0] - luma) / 1.5748
+    red, blue = luma + 1.402 * cr, luma + 1.772 * cb
+    wrong = np.stack([blue, (luma - 0.299 * red - 0.114 * blue) / 0.587, red], axis=-1)
+    assert wrong.min() > 0 and wrong.max() < 255 and np.abs(wrong[..., ::-1] - rgb).max() > 10
+
+    class Film:
+        def read(self):
+            return True, np.rint(wrong).astype(np.uint8)
+
+        retrieve = read
+
+        def get(self, which):
+            return 20.0
+
+    for read in (FilmOfBt709(Film()).read, FilmOfBt709(Film()).retrieve):
+        assert np.abs(read()[1][..., ::-1] - rgb).max() <= 1.2
+    assert FilmOfBt709(Film()).get(cv2.CAP_PROP_FPS) == 20
+    broken = Film()
+    broken.read = lambda: (False, None)
+    assert FilmOfBt709(broken).read() == (False, None)
+
+    monkeypatch.setattr(camera_files, "knows_bt601_alone", lambda: True)
+    for matrix, taken in ((1, True), (6, False), (9, False)):
+        film = camera_files.open_film(hdr_video(tmp_path / "film.mov", 1, b"nclc", matrix))
+        assert isinstance(film, FilmOfBt709) == taken
+        film.release()
+    monkeypatch.undo()
+    for version, scaler, alone in (("4.12.0", 6, True), ("4.13.0", 9, False), ("4.13.0", 8, True), ("5.0.0", 9, False)):
+        monkeypatch.setattr(cv2, "__version__", version)
+        monkeypatch.setattr(cv2, "getBuildInformation", lambda v=scaler: f"  swscale:     YES ({v}.1.100)\n")
+        assert camera_files.knows_bt601_alone() == alone
 
 
 def test_videos(tmp_path):

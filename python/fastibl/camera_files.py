@@ -24,10 +24,14 @@ _MATROSKA = b"\x1a\x45\xdf\xa3"
 _FILMS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".3gp", ".mts")
 HDR_ADVICE = "it is read in 8 bits, white from two stops below its brightest on; film without HDR, or convert it first"
 _HDR = {16: "PQ", 18: "HLG"}  # transfer characteristics of ITU-T H.273
-# Where films say their transfer characteristics: after the primaries in a box of ISO/IEC 14496-12 (.mp4) or of Apple's
-# QuickTime File Format (.mov); in an element of Matroska, which comes before the pictures, the clusters.
+_BT709 = 1  # matrix coefficients of ITU-T H.273
+# Where films say their transfer characteristics and matrix: after the primaries in a box of ISO/IEC 14496-12 (.mp4) or
+# of Apple's QuickTime File Format (.mov); in elements of Matroska, which come before the pictures, the clusters.
 _CURVE_OF_BOX = re.compile(rb"colr(?:nclx|nclc)..(..)", re.DOTALL)
-_CURVE_OF_MATROSKA, _CLUSTER = re.compile(rb"\x55\xba\x81(.)", re.DOTALL), b"\x1f\x43\xb6\x75"
+_MATRIX_OF_BOX = re.compile(rb"colr(?:nclx|nclc)....(..)", re.DOTALL)
+_CURVE_OF_MATROSKA = re.compile(rb"\x55\xba\x81(.)", re.DOTALL)
+_MATRIX_OF_MATROSKA = re.compile(rb"\x55\xb1\x81(.)", re.DOTALL)
+_CLUSTER = b"\x1f\x43\xb6\x75"
 
 
 def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any]:
@@ -71,12 +75,57 @@ def as_bytes(picture: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def open_film(path: str | os.PathLike[str]) -> Any:
-    """Opens a cv2.VideoCapture of a film."""
+    """Opens a cv2.VideoCapture of a film, or what behaves like one."""
     import cv2
 
     film = cv2.VideoCapture(os.fspath(path))
     film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+    if knows_bt601_alone() and _stated(path, _MATRIX_OF_BOX, _MATRIX_OF_MATROSKA) == _BT709:
+        return FilmOfBt709(film)
     return film
+
+
+def knows_bt601_alone() -> bool:
+    """Whether OpenCV takes all films for BT.601's, as it did before 4.13 and FFmpeg 8 (opencv/opencv, issue 20513)."""
+    import cv2
+
+    version = tuple(map(int, re.findall(r"\d+", cv2.__version__)[:2]))
+    scaler = re.search(r"swscale:\s+YES \((\d+)", cv2.getBuildInformation())
+    return version < (4, 13) or (scaler is not None and int(scaler[1]) < 9)
+
+
+class FilmOfBt709:
+    """A cv2.VideoCapture of a film of BT.709 whose pictures OpenCV makes by BT.601's matrix; these are BT.709's.
+
+    Codes that OpenCV has cut at 0 or 255 stay wrong.
+    """
+
+    def __init__(self, film: Any):
+        self._film = film
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._film, name)
+
+    def read(self) -> tuple[bool, Any]:
+        return self._right(*self._film.read())
+
+    def retrieve(self) -> tuple[bool, Any]:
+        return self._right(*self._film.retrieve())
+
+    def _right(self, read: bool, picture: Any) -> tuple[bool, Any]:
+        import cv2
+
+        return (read, cv2.transform(picture, _BT709_FROM_BT601)) if read and picture is not None else (read, picture)
+
+
+def _bgr_from_luma(red: float, blue: float) -> NDArray[np.float64]:
+    """Takes Y, Cb, Cr to blue, green, red (ITU-R BT.709, 3), by the shares of red and blue in Y."""
+    green = 1 - red - blue
+    of_blue, of_red = 2 * (1 - blue), 2 * (1 - red)
+    return np.array([[1, of_blue, 0], [1, -blue * of_blue / green, -red * of_red / green], [1, 0, of_red]])
+
+
+_BT709_FROM_BT601 = _bgr_from_luma(0.2126, 0.0722) @ np.linalg.inv(_bgr_from_luma(0.299, 0.114))
 
 
 def is_film(device: object) -> bool:
@@ -101,10 +150,16 @@ def is_film_name(path: str | os.PathLike[str]) -> bool:
 
 def hdr_curve(path: str | os.PathLike[str]) -> str | None:
     """ "HLG" or "PQ" for a film (.mp4, .mov, .mkv, .webm) that says that its codes follow such a curve."""
+    code = _stated(path, _CURVE_OF_BOX, _CURVE_OF_MATROSKA)
+    return None if code is None else _HDR.get(code)
+
+
+def _stated(path: str | os.PathLike[str], in_box: re.Pattern[bytes], in_matroska: re.Pattern[bytes]) -> int | None:
+    """A code of ITU-T H.273 that a film states; None where it states none."""
     with open(path, "rb") as file:
         described = _film_description(file)
-    found = (_CURVE_OF_MATROSKA if described.startswith(_MATROSKA) else _CURVE_OF_BOX).search(described)
-    return None if found is None else _HDR.get(int.from_bytes(found[1], "big"))
+    found = (in_matroska if described.startswith(_MATROSKA) else in_box).search(described)
+    return None if found is None else int.from_bytes(found[1], "big")
 
 
 def _film_description(file: BinaryIO) -> bytes:
