@@ -7,6 +7,7 @@ import struct
 
 _RADIANCE = re.compile(rb"([-+])Y +(\d{1,10}) +([-+])X +(\d{1,10})[ \r]*\n")
 _BY_COLUMNS = re.compile(rb"[-+]X +\d{1,10} +[-+]Y +\d{1,10}[ \r]*\n")
+_OF_RADIANCE = (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, 1 / 3, 1 / 3)
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF15, without DHT, JPG and DAC
 
 
@@ -100,6 +101,22 @@ def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], tuple[float, 
     if flips:
         data = head + upright + data[found.end() :]
     return data, flips, tuple(e if 1e-30 < e < 1e30 else 1.0 for e in exposures)
+
+
+def radiance_primaries(data: bytes) -> list[float] | None:
+    """x and y of red, green, blue and white that a Radiance .hdr file states. Raises ValueError for any other file.
+
+    None where it states nothing: no PRIMARIES line, only zeros (as Photoshop writes), or Radiance's own, which a file
+    without that line has as well; programs take both for Rec. 709.
+    """
+    head = data[: _radiance_head(data).start()]
+    found = re.findall(rb"^PRIMARIES=([-+.\deE\s]+)$", head, re.MULTILINE)
+    try:
+        stated = [float(value) for value in found[-1].split()] if found else []
+    except ValueError:
+        return None
+    own = len(stated) == 8 and all(abs(s - o) < 2e-3 for s, o in zip(stated, _OF_RADIANCE, strict=True))
+    return stated if any(stated) and not own else None
 
 
 _TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
-from .picture_headers import jpeg_size, png_size, radiance_size, radiance_upright
+from .picture_headers import jpeg_size, png_size, radiance_primaries, radiance_size, radiance_upright
+from .primaries import Stated, as_rec709, from_chromaticities, of_picture
 from .whole_file import whole_file, write_whole
 
 LINEAR = (".hdr", ".exr")
@@ -29,7 +31,8 @@ def openexr() -> Any:
 
 
 def read_picture(path: Path, response: Response | None = None) -> NDArray[np.float32]:
-    """Reads linear RGB (height, width, 3) float32 from a picture: .hdr or .exr, or .png or .jpg with a response.
+    """Reads linear RGB (height, width, 3) float32 of Rec. 709 from a picture: .hdr or .exr, or .png or .jpg with a
+    response. Other primaries that the file states are converted.
 
     response: the camera's response, or another encoding, of a .png or .jpg; its white becomes 1. Raises
     FileNotFoundError, ValueError for a file that is not such a picture, is cut off, or is larger than
@@ -43,16 +46,18 @@ def read_picture(path: Path, response: Response | None = None) -> NDArray[np.flo
     if suffix in LINEAR and response is not None:
         raise ValueError(f"{path} holds linear radiance; a response goes with {', '.join(ENCODED)}")
     if suffix == ".exr":
-        return _read_exr(path)
-    image = decode_picture(file_bytes(path), _SIZES[suffix], path)
+        image, chromaticities = _read_exr(path)
+        return as_rec709(image, _chromaticities(path, chromaticities), path)
+    data = file_bytes(path)
+    image = decode_picture(data, _SIZES[suffix], path)
     if image.dtype == np.float32:
-        return image
+        return as_rec709(image, _chromaticities(path, radiance_primaries(data)), path)
     if response is None:
         raise ValueError(
             f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr, .exr), or the "
             "response that it was encoded by (response=fastibl.Response.srgb(), --response srgb)"
         )
-    return response.decode(unit(image))
+    return as_rec709(response.decode(unit(image)), of_picture(data), path)
 
 
 def unit(picture: NDArray[Any]) -> NDArray[np.float32]:
@@ -153,7 +158,8 @@ def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[st
             raise OSError(f"{path} cannot be written: {error}") from error
 
 
-def _read_exr(path: Path) -> NDArray[np.float32]:
+def _read_exr(path: Path) -> tuple[NDArray[np.float32], Any]:
+    """RGB of the first part that has it, and the chromaticities that its header states, or None."""
     exr = openexr()
     check_file_size(path)
     try:
@@ -172,7 +178,8 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
         raise ValueError(f"{path} is not an OpenEXR picture that can be read: it is damaged or cut off")
     for header, channels in zip(headers, parts, strict=True):
         if {"R", "G", "B"} <= set(channels):
-            return _as_rec709(_displayed(np.stack([channels[c] for c in "RGB"], axis=-1), path, header), header)
+            image = _displayed(np.stack([channels[c] for c in "RGB"], axis=-1), path, header)
+            return image, header.get("chromaticities")
     names = sorted({name for channels in parts for name in channels})
     raise ValueError(f"{path} holds the channels {', '.join(names)}; expected R, G and B")
 
@@ -192,25 +199,13 @@ def _displayed(image: NDArray[np.float32], path: Path, header: dict[str, Any]) -
     return whole
 
 
-_REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # with its white point, D65
-_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-
-
-def _as_rec709(image: NDArray[np.float32], header: dict[str, Any]) -> NDArray[np.float32]:
-    """Converts by the header's primaries and takes its white to D65 (Lindbloom, Chromatic Adaptation: Bradford)."""
-    given = np.asarray(header.get("chromaticities", _REC709), np.float64).reshape(-1)
-    if given.shape != (8,) or np.abs(given - _REC709).max() < 2e-3:
-        return image
-    (xyz_of, white), (xyz_of_709, white_709) = _xyz_of_rgb(given), _xyz_of_rgb(np.array(_REC709))
-    adapted = np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ white_709) / (_BRADFORD @ white)) @ _BRADFORD
-    return (image @ (np.linalg.inv(xyz_of_709) @ adapted @ xyz_of).T.astype(np.float32)).astype(np.float32)
-
-
-def _xyz_of_rgb(chromaticities: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The matrix (3, 3) and the white's XYZ, from x and y of red, green, blue and white."""
-    x, y = chromaticities[::2], chromaticities[1::2]
-    every = np.stack([x / y, np.ones(4), (1 - x - y) / y]) if (y != 0).all() else np.full((3, 4), np.nan)
-    return every[:, :3] * np.linalg.solve(every[:, :3], every[:, 3]), every[:, 3]
+def _chromaticities(path: Path, given: Any) -> Stated | None:
+    """What a picture's header states of its primaries; with a warning, nothing, where it states what cannot be."""
+    try:
+        return None if given is None else from_chromaticities(given)
+    except ValueError as error:
+        warnings.warn(f"{path} states what are no primaries, and is taken for Rec. 709: {error}", stacklevel=5)
+        return None
 
 
 def _exr_pixels(path: Path, header: dict[str, Any], exr: Any) -> int:

@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 
 from ._fastibl import Rig
 from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
+from .file_limits import file_bytes
 from .live_camera import LiveCamera, Shot
+from .primaries import of_picture
 from .recording import CAMERAS, Frame, RecordingWarning
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -297,7 +299,9 @@ class FolderSource(_Closing):
     exposures: as in VideoSource.
     A number that is missing among evenly numbered pictures counts as a lost picture: those after it keep their times.
     Where numbers tell no order, or those of the two cameras differ, pictures follow each other in the order of their
-    names. A picture that cannot be read is skipped with a RecordingWarning.
+    names. A picture that cannot be read is skipped with a RecordingWarning. Another one is given where a camera's first
+    picture states other primaries than those of Rec. 709 (Display P3, Adobe RGB), because its codes are taken as they
+    are.
     """
 
     def __init__(
@@ -326,6 +330,7 @@ class FolderSource(_Closing):
         return len(self._places)
 
     def __iter__(self) -> Iterator[Frame]:
+        told = set[str]()  # cameras whose primaries were looked at
         for place in self._places:
             frame = Frame(place / self._fps)
             for name, files in self._files.items():
@@ -336,6 +341,15 @@ class FolderSource(_Closing):
                 except ValueError as error:
                     warnings.warn(str(error), RecordingWarning, stacklevel=2)
                     continue
+                if name not in told:
+                    told.add(name)
+                    if stated := of_picture(file_bytes(files[place])):
+                        warnings.warn(
+                            f"{files[place]} has the primaries of {stated.name}; its codes are taken for those of Rec. "
+                            "709, so that colours of the light and of the object differ; convert the pictures to sRGB",
+                            RecordingWarning,
+                            stacklevel=2,
+                        )
                 setattr(frame, f"{name}_exposure", self._exposures[name])
             if frame.back is not None or frame.front is not None:
                 yield frame
