@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fastibl
-from fastibl import primaries, sources
+from fastibl import ktx2, primaries, sources
 from fastibl.pictures import read_picture, write_exr, write_picture
 from fastibl.recording import RecordingWarning
 
@@ -178,6 +178,22 @@ def test_chromaticities_that_are_none(tmp_path):
     write_exr(tmp_path / "a.exr", {"RGB": picture}, {"chromaticities": (0.0,) * 8})
     with pytest.warns(UserWarning, match="a.exr states what are no primaries"):
         np.testing.assert_array_equal(read_picture(tmp_path / "a.exr"), picture)
+
+
+def test_primaries_of_ktx2(tmp_path):
+    """Byte 13 of the data format descriptor, by Khronos' specification: 10 is Display P3, 4 is BT.2020."""
+    faces = np.random.default_rng(4).uniform(0.4, 0.6, (6, 8, 8, 3)).astype(np.float16).astype(np.float32)
+    ktx2.write_ktx2(tmp_path / "a.ktx2", [faces, faces[:, ::2, ::2]])
+    data = bytearray((tmp_path / "a.ktx2").read_bytes())
+    (at,) = struct.unpack_from("<I", data, 48)
+    assert data[at + 12 : at + 15] == bytes([1, 1, 1])  # RGBSDA, BT.709, linear
+    for code, matrix in ((10, SRGB_FROM_P3), (4, BT709_FROM_BT2020), (0, np.eye(3))):
+        data[at + 13] = code
+        (tmp_path / "b.ktx2").write_bytes(data)
+        for level, expected in zip(
+            fastibl.ktx2.read_ktx2(tmp_path / "b.ktx2"), (faces, faces[:, ::2, ::2]), strict=True
+        ):
+            np.testing.assert_allclose(level, expected @ matrix.T, atol=5e-4)
 
 
 def test_camera_pictures_of_other_primaries_are_told(tmp_path):

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from . import texels
 from ._fastibl import __version__
 from .file_limits import check_pixels, file_bytes
+from .primaries import ACES, ACESCG, ADOBE_RGB, DISPLAY_P3, REC2020, Stated, as_rec709, from_chromaticities
 from .whole_file import write_whole
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 _RGBA16F = 97  # VK_FORMAT_R16G16B16A16_SFLOAT
 _FORMATS = {_RGBA16F: "rgba16f", 90: "rgb16f", 109: "rgba32f", 106: "rgb32f", 122: "r11g11b10f", 123: "rgb9e5"}
 _HEADER, _INDEX, _LEVEL = struct.Struct("<12s9I"), struct.Struct("<4I2Q"), struct.Struct("<3Q")
+_PRIMARIES = {4: REC2020, 6: ACES, 7: ACESCG, 10: DISPLAY_P3, 11: ADOBE_RGB}  # Khronos Data Format Specification, 5.7
 _SUPERCOMPRESSION = {1: "BasisLZ", 2: "Zstandard", 3: "ZLIB"}
 
 
@@ -57,8 +59,9 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
 def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
     """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
-    Texels may be half, float, R11G11B10 or RGB9E5; plain, or packed by ZLIB or Zstandard. Raises FileNotFoundError,
-    ValueError for another kind of file or a damaged one, ImportError for Zstandard without its package.
+    Texels may be half, float, R11G11B10 or RGB9E5; plain, or packed by ZLIB or Zstandard. Other primaries than those of
+    Rec. 709 that the file states are converted. Raises FileNotFoundError, ValueError for another kind of file or a
+    damaged one, ImportError for Zstandard without its package.
     """
     path = Path(path)
     if not path.is_file():
@@ -78,7 +81,7 @@ def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
     count = max(count, 1)  # 0 asks the reader to make the other levels
     if count > width.bit_length() or len(data) < _HEADER.size + _INDEX.size + _LEVEL.size * count:
         raise ValueError(f"{path} says that it has {count} levels from faces of {width} texels")
-    out = []
+    out, stated = [], _stated_primaries(data)
     for k in range(count):
         n = max(1, width >> k)
         offset, length, _ = _LEVEL.unpack_from(data, _HEADER.size + _INDEX.size + _LEVEL.size * k)
@@ -88,8 +91,17 @@ def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
         level = _unpacked(data[offset : offset + length], packing, whole, path)
         if len(level) != whole:
             raise ValueError(f"{path} is damaged: level {k} must have {whole} bytes, got {len(level)}")
-        out.append(texels.decode(level, _FORMATS[kind], (6, n, n)))
+        out.append(as_rec709(texels.decode(level, _FORMATS[kind], (6, n, n)), stated, path, 4 if k == 0 else None))
     return out
+
+
+def _stated_primaries(data: bytes) -> Stated | None:
+    """Those of the data format descriptor's basic block; None for Rec. 709, or where it states none."""
+    at, length = struct.unpack_from("<2I", data, _HEADER.size)
+    if length < 16 or at + 16 > len(data):
+        return None
+    code = data[at + 13]
+    return from_chromaticities(_PRIMARIES[code]) if code in _PRIMARIES else None
 
 
 def _unpacked(data: bytes, packing: int, most: int, path: Path) -> bytes:

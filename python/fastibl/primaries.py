@@ -18,11 +18,12 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 REC2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
 DISPLAY_P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290)
 DCI_P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.314, 0.351)
+ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290)
+ACES = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+ACESCG = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 _NAMED = {
-    "ACES": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767),
-    "ACEScg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
-    "Rec. 2020": REC2020, "Display P3": DISPLAY_P3, "DCI-P3": DCI_P3,
-    "Adobe RGB": (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290),
+    "ACES": ACES, "ACEScg": ACESCG, "Rec. 2020": REC2020, "Display P3": DISPLAY_P3, "DCI-P3": DCI_P3,
+    "Adobe RGB": ADOBE_RGB,
 }  # fmt: skip
 _BY_CODE = {9: REC2020, 11: DCI_P3, 12: DISPLAY_P3}  # ITU-T H.273; wider than Rec. 709
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
@@ -97,16 +98,19 @@ def of_picture(data: bytes) -> Stated | None:
         return None
 
 
-def as_rec709(image: NDArray[np.float32], stated: Stated | None, path: Any, stacklevel: int = 4) -> NDArray[np.float32]:
+def as_rec709(
+    image: NDArray[np.float32], stated: Stated | None, path: Any, stacklevel: int | None = 4
+) -> NDArray[np.float32]:
     """Linear colours (..., 3) of these primaries in those of Rec. 709.
 
     What lies outside of Rec. 709 has negative values, which a map does not take: a warning says how much they are.
+    stacklevel: that of the warning; None gives none.
     """
     if stated is None:
         return image
     out = (image @ stated.matrix.T.astype(np.float32)).astype(np.float32)
     share = [_negative_share(out[..., k]) for k in range(3)]
-    if max(share) > _MOST_CUT:
+    if stacklevel is not None and max(share) > _MOST_CUT:
         k = int(np.argmax(share))
         warnings.warn(
             f"{path} has colours of {stated.name} beyond Rec. 709: the negative values that they become, "
