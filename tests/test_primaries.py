@@ -196,6 +196,20 @@ def test_primaries_of_ktx2(tmp_path):
             np.testing.assert_allclose(level, expected @ matrix.T, atol=5e-4)
 
 
+def test_written_exr_files_state_their_primaries(tmp_path, marked):
+    """OpenEXR's chromaticities, as another library reads them, which takes its pixels as they are."""
+    pytest.importorskip("OpenEXR")
+    oiio = pytest.importorskip("OpenImageIO")
+    fastibl.write_environment(tmp_path / "map.exr", marked)
+    mesh = fastibl.stand(fastibl.shapes.figurine(), height=0.1)
+    fastibl.write_shadow(tmp_path / "shadow.exr", fastibl.MeshShadow(mesh, resolution=8, rings=4).cast(marked))
+    for name in ("map.exr", "shadow.exr"):
+        about = oiio.ImageInput.open(str(tmp_path / name)).spec()
+        np.testing.assert_allclose(
+            about["chromaticities"], (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), atol=1e-6
+        )
+
+
 def test_camera_pictures_of_other_primaries_are_told(tmp_path):
     """A telephone's pictures: their codes are taken as they are."""
     camera = fastibl.Camera(32, 16, 30, 30, 16, 8)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size, radiance_primaries, radiance_size, radiance_upright
-from .primaries import Stated, as_rec709, from_chromaticities, of_picture
+from .primaries import REC709, Stated, as_rec709, from_chromaticities, of_picture
 from .whole_file import whole_file, write_whole
 
 LINEAR = (".hdr", ".exr")
@@ -146,10 +146,13 @@ def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> N
 def write_exr(path: Path, channels: dict[str, NDArray[Any]], attributes: dict[str, Any] | None = None) -> None:
     """Writes channels of float32 or float16, (height, width) or (height, width, 3 or 4), and header attributes.
 
-    Raises ImportError without OpenEXR, OSError where the file cannot be written; an older file is then left as it was.
+    The header states the primaries of Rec. 709, for programs that work in others, as ACEScg. Raises ImportError without
+    OpenEXR, OSError where the file cannot be written; an older file is then left as it was.
     """
     exr = openexr()
-    header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, **(attributes or {})}
+    header = {
+        "compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage, "chromaticities": REC709, **(attributes or {})
+    }  # fmt: skip
     stored = {name: np.ascontiguousarray(pixels) for name, pixels in channels.items()}
     with whole_file(path) as part, exr.File(header, stored) as file:
         try:
