@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import fastibl
-from fastibl import ktx2, primaries, sources
+from conftest import same_error
+from fastibl import __main__, dds, ktx2, primaries, sources
 from fastibl.pictures import read_picture, write_exr, write_picture
 from fastibl.recording import RecordingWarning
 
@@ -190,9 +191,7 @@ def test_primaries_of_ktx2(tmp_path):
     for code, matrix in ((10, SRGB_FROM_P3), (4, BT709_FROM_BT2020), (0, np.eye(3))):
         data[at + 13] = code
         (tmp_path / "b.ktx2").write_bytes(data)
-        for level, expected in zip(
-            fastibl.ktx2.read_ktx2(tmp_path / "b.ktx2"), (faces, faces[:, ::2, ::2]), strict=True
-        ):
+        for level, expected in zip(ktx2.read_ktx2(tmp_path / "b.ktx2"), (faces, faces[:, ::2, ::2]), strict=True):
             np.testing.assert_allclose(level, expected @ matrix.T, atol=5e-4)
 
 
@@ -208,6 +207,45 @@ def test_written_exr_files_state_their_primaries(tmp_path, marked):
         np.testing.assert_allclose(
             about["chromaticities"], (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), atol=1e-6
         )
+
+
+@pytest.mark.parametrize("ending", ["exr", "hdr", "png", "ktx2", "dds"])
+def test_given_primaries(tmp_path, ending):
+    """They count, whatever the file states; a name or numbers."""
+    if ending == "exr":
+        pytest.importorskip("OpenEXR")
+    path, read = tmp_path / f"a.{ending}", dict(size=8, response=SRGB if ending == "png" else None)
+    if ending == "png":
+        path.write_bytes(png(CODES, P3))
+    else:
+        values = linear(CODES) if ending in ("exr", "hdr") else np.full((6, 4, 4, 3), (0.3, 0.5, 0.4))
+        values = values.astype(np.float16).astype(np.float32)
+        if ending == "exr":
+            write_exr(path, {"RGB": values}, {"chromaticities": primaries.DISPLAY_P3})
+        elif ending == "hdr":
+            write_picture(path, values)
+        else:
+            {"ktx2": ktx2.write_ktx2, "dds": dds.write_dds}[ending](path, [values])
+    as_it_is = fastibl.read_environment(path, primaries="rec709", **read).faces
+    for given in ("Display P3", "display-p3", primaries.DISPLAY_P3, list(primaries.DISPLAY_P3)):
+        found = fastibl.read_environment(path, primaries=given, **read).faces
+        np.testing.assert_allclose(found, as_it_is @ SRGB_FROM_P3.T, atol=5e-4)
+    assert np.abs(found - as_it_is).max() > 0.01
+    for wrong, kind, word in (
+        ("sRGB-ish", ValueError, "ACEScg, ACES"), ((1, 2, 3), ValueError, "white, got"), (3, TypeError, "ACEScg, ACES")
+    ):  # fmt: skip
+        same_error(lambda wrong=wrong: fastibl.read_environment(path, primaries=wrong, **read), kind, word)
+
+
+def test_given_primaries_of_commands(tmp_path):
+    pytest.importorskip("OpenEXR")
+    write_exr(tmp_path / "a.exr", {"RGB": linear(CODES).astype(np.float32)})
+    out = tmp_path / "light"
+    words = ["export", str(tmp_path / "a.exr"), "--out", str(out), "--size", "16", "--levels", "2", "--format", "exr"]
+    __main__.main([*words, "--primaries", "Rec. 2020"])
+    picture = read_picture(out / "environment.exr")
+    expected = read_picture(tmp_path / "a.exr") @ BT709_FROM_BT2020.T
+    np.testing.assert_allclose(np.sort(picture, axis=1), np.sort(expected, axis=1), atol=5e-4)
 
 
 def test_camera_pictures_of_other_primaries_are_told(tmp_path):

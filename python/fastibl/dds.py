@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import texels
 from .file_limits import check_pixels, file_bytes
+from .primaries import Given, as_rec709, given
 from .whole_file import write_whole
 
 _HEADER = struct.Struct("<4s7I44x2I4s5I5I")
@@ -59,15 +60,17 @@ def write_dds(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32]
     write_whole(path, header + body)
 
 
-def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
+def read_dds(path: str | os.PathLike[str], primaries: Given | None = None) -> list[NDArray[np.float32]]:
     """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
-    Texels may be half, float, R11G11B10 or RGB9E5; of BC6H, only the largest level is read. Raises FileNotFoundError,
+    Texels may be half, float, R11G11B10 or RGB9E5; of BC6H, only the largest level is read. primaries: those of
+    the file, if not Rec. 709's, which are converted. Raises FileNotFoundError,
     ValueError for another kind of file or a damaged one, ImportError for BC6H without OpenImageIO.
     """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no DDS file at {path}")
+    stated = None if primaries is None else given(primaries)
     data = file_bytes(path)
     name, size, count, at = _described(data, path)
     sizes = [max(1, size >> k) for k in range(count)]
@@ -75,11 +78,12 @@ def read_dds(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
     if len(data) < at + 6 * sum(lengths):
         raise ValueError(f"{path} is cut off: expected {at + 6 * sum(lengths)} bytes, got {len(data)}")
     if name == "bc6h":
-        return [_read_bc6h(path, size)]
-    out = []
+        return [as_rec709(_read_bc6h(path, size), stated, path)]
+    out: list[NDArray[np.float32]] = []
     for n, length in zip(sizes, lengths, strict=True):
         starts = range(at, at + 6 * sum(lengths), sum(lengths))  # face by face, each face with its levels
-        out.append(np.stack([texels.decode(data[begin : begin + length], name, (n, n)) for begin in starts]))
+        level = np.stack([texels.decode(data[begin : begin + length], name, (n, n)) for begin in starts])
+        out.append(as_rec709(level, stated, path, None if out else 4))
         at += length
     return out
 

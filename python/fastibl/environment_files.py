@@ -14,6 +14,7 @@ from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equ
 from .axes import from_axes, handed, handedness_of, matrix, picture_shift, radiance_of, to_axes, turned
 from .expected import expect
 from .pictures import LINEAR, read_picture, write_picture
+from .primaries import Given
 
 LAYOUTS = ("equirect", "faces", "strip", "cross")
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
@@ -29,6 +30,7 @@ def read_environment(
     *,
     response: Response | None = None,
     handedness: str | None = None,
+    primaries: Given | None = None,
 ) -> CubeMap:
     """Environment map of a picture (.hdr, .exr, with a response .png, .jpg) or of a cube map (.ktx2, .dds).
 
@@ -41,6 +43,9 @@ def read_environment(
     radiance 1, and what was brighter is lost.
     handedness: that of cube maps, see `write_environment`; by default "left" for .ktx2 and .dds, for pictures that of
     the axes.
+    primaries: those of the file's colours, "ACEScg", "ACES", "Rec. 2020", "Display P3", "DCI-P3", "Adobe RGB" or
+    "Rec. 709", or x and y of red, green, blue and white. None, the default, takes those that the file states, or Rec.
+    709's. The map's are always Rec. 709's; a warning tells how much of what these do not have is cut.
     Raises FileNotFoundError; ValueError for a file that is not such a map, is damaged, or is larger than
     fastibl.file_limits allows, and for a handedness given for an equirectangular picture; ImportError for .exr without
     OpenEXR, and for a .ktx2 packed by Zstandard without zstandard.
@@ -51,9 +56,9 @@ def read_environment(
     if path.suffix.lower() in _CUBE_READERS:
         if response is not None:
             raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
-        faces = _CUBE_READERS[path.suffix.lower()](path)[0]
+        faces = _CUBE_READERS[path.suffix.lower()](path, primaries)[0]
         return from_axes(handed(CubeMap(faces), "left" if handedness is None else handedness, axes), axes)
-    image = read_picture(path, response)
+    image = read_picture(path, response, primaries)
     height, width = image.shape[:2]
     if width == 2 * height:
         _check_no_handedness(handedness, path)
@@ -65,7 +70,7 @@ def read_environment(
         _check_cross(path, image, n)
         faces = np.stack([image[r * n : (r + 1) * n, c * n : (c + 1) * n] for r, c in _CROSS])
     elif width == height and (path.stem == FACES[0] or path.stem.endswith(f"_{FACES[0]}")):
-        faces = _read_faces(path, image, response)
+        faces = _read_faces(path, image, response, primaries)
     else:
         raise ValueError(
             f"{path} is {width} x {height}; an equirectangular picture is twice as wide as high, a strip of cube faces "
@@ -80,11 +85,11 @@ def from_equirect(image: NDArray[np.float32], size: int, axes: str) -> CubeMap:
     return turned(cubemap_from_equirect(image, size=size), matrix(axes, picture=True).T)
 
 
-def read_equirect(path: Path, response: Response | None) -> NDArray[np.float32] | None:
+def read_equirect(path: Path, response: Response | None, primaries: Given | None = None) -> NDArray[np.float32] | None:
     """Reads an equirectangular picture as it is; None for a cube map. Raises what `read_environment` raises."""
     if path.suffix.lower() in _CUBE_READERS:
         return None
-    image = read_picture(path, response)
+    image = read_picture(path, response, primaries)
     return image if image.shape[1] == 2 * image.shape[0] else None
 
 
@@ -207,11 +212,13 @@ def _write_faces(path: Path, faces: NDArray[np.float32], layout: str) -> list[Pa
     return [path]
 
 
-def _read_faces(path: Path, first: NDArray[np.float32], response: Response | None) -> NDArray[np.float32]:
+def _read_faces(
+    path: Path, first: NDArray[np.float32], response: Response | None, primaries: Given | None
+) -> NDArray[np.float32]:
     faces = [first]
     for name in FACES[1:]:
         other = path.with_stem(path.stem[: -len(name)] + name)
-        faces.append(read_picture(other, response))
+        faces.append(read_picture(other, response, primaries))
         if faces[-1].shape != first.shape:
             (height, width), n = faces[-1].shape[:2], len(first)
             raise ValueError(f"{other} is {width} x {height}, but {path.name} is {n} x {n}")

@@ -18,7 +18,18 @@ from numpy.typing import NDArray
 from . import texels
 from ._fastibl import __version__
 from .file_limits import check_pixels, file_bytes
-from .primaries import ACES, ACESCG, ADOBE_RGB, DISPLAY_P3, REC2020, Stated, as_rec709, from_chromaticities
+from .primaries import (
+    ACES,
+    ACESCG,
+    ADOBE_RGB,
+    DISPLAY_P3,
+    REC2020,
+    Given,
+    Stated,
+    as_rec709,
+    from_chromaticities,
+    given,
+)
 from .whole_file import write_whole
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
@@ -56,12 +67,12 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
     write_whole(path, header + index + b"".join(places) + descriptor + keys + body)
 
 
-def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
+def read_ktx2(path: str | os.PathLike[str], primaries: Given | None = None) -> list[NDArray[np.float32]]:
     """Reads the levels of a cube map, faces (6, n, n, 3) float32 each, largest first.
 
-    Texels may be half, float, R11G11B10 or RGB9E5; plain, or packed by ZLIB or Zstandard. Other primaries than those of
-    Rec. 709 that the file states are converted. Raises FileNotFoundError, ValueError for another kind of file or a
-    damaged one, ImportError for Zstandard without its package.
+    Texels may be half, float, R11G11B10 or RGB9E5; plain, or packed by ZLIB or Zstandard. primaries: those of the
+    file, whatever it states, see read_environment; others than Rec. 709's are converted. Raises FileNotFoundError,
+    ValueError for another kind of file or a damaged one, ImportError for Zstandard without its package.
     """
     path = Path(path)
     if not path.is_file():
@@ -81,7 +92,7 @@ def read_ktx2(path: str | os.PathLike[str]) -> list[NDArray[np.float32]]:
     count = max(count, 1)  # 0 asks the reader to make the other levels
     if count > width.bit_length() or len(data) < _HEADER.size + _INDEX.size + _LEVEL.size * count:
         raise ValueError(f"{path} says that it has {count} levels from faces of {width} texels")
-    out, stated = [], _stated_primaries(data)
+    out, stated = [], _stated_primaries(data) if primaries is None else given(primaries)
     for k in range(count):
         n = max(1, width >> k)
         offset, length, _ = _LEVEL.unpack_from(data, _HEADER.size + _INDEX.size + _LEVEL.size * k)

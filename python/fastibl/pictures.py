@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size, radiance_primaries, radiance_size, radiance_upright
-from .primaries import REC709, Stated, as_rec709, from_chromaticities, of_picture
+from .primaries import REC709, Given, Stated, as_rec709, from_chromaticities, given, of_picture
 from .whole_file import whole_file, write_whole
 
 LINEAR = (".hdr", ".exr")
@@ -30,12 +30,13 @@ def openexr() -> Any:
     return OpenEXR
 
 
-def read_picture(path: Path, response: Response | None = None) -> NDArray[np.float32]:
+def read_picture(path: Path, response: Response | None = None, primaries: Given | None = None) -> NDArray[np.float32]:
     """Reads linear RGB (height, width, 3) float32 of Rec. 709 from a picture: .hdr or .exr, or .png or .jpg with a
-    response. Other primaries that the file states are converted.
+    response. Other primaries are converted.
 
-    response: the camera's response, or another encoding, of a .png or .jpg; its white becomes 1. Raises
-    FileNotFoundError, ValueError for a file that is not such a picture, is cut off, or is larger than
+    response: the camera's response, or another encoding, of a .png or .jpg; its white becomes 1.
+    primaries: those of the file, whatever it states; None leaves it to the file, and is Rec. 709's where it says
+    nothing. Raises FileNotFoundError, ValueError for a file that is not such a picture, is cut off, or is larger than
     fastibl.file_limits allows, ImportError for .exr without OpenEXR.
     """
     if not path.is_file():
@@ -47,17 +48,20 @@ def read_picture(path: Path, response: Response | None = None) -> NDArray[np.flo
         raise ValueError(f"{path} holds linear radiance; a response goes with {', '.join(ENCODED)}")
     if suffix == ".exr":
         image, chromaticities = _read_exr(path)
-        return as_rec709(image, _chromaticities(path, chromaticities), path)
+        stated = _chromaticities(path, chromaticities) if primaries is None else given(primaries)
+        return as_rec709(image, stated, path)
     data = file_bytes(path)
     image = decode_picture(data, _SIZES[suffix], path)
     if image.dtype == np.float32:
-        return as_rec709(image, _chromaticities(path, radiance_primaries(data)), path)
+        stated = _chromaticities(path, radiance_primaries(data)) if primaries is None else given(primaries)
+        return as_rec709(image, stated, path)
     if response is None:
         raise ValueError(
             f"{path} holds {image.dtype} values; an environment map needs linear radiance (.hdr, .exr), or the "
             "response that it was encoded by (response=fastibl.Response.srgb(), --response srgb)"
         )
-    return as_rec709(response.decode(unit(image)), of_picture(data), path)
+    stated = of_picture(data) if primaries is None else given(primaries)
+    return as_rec709(response.decode(unit(image)), stated, path)
 
 
 def unit(picture: NDArray[Any]) -> NDArray[np.float32]:
@@ -202,10 +206,10 @@ def _displayed(image: NDArray[np.float32], path: Path, header: dict[str, Any]) -
     return whole
 
 
-def _chromaticities(path: Path, given: Any) -> Stated | None:
+def _chromaticities(path: Path, stated: Any) -> Stated | None:
     """What a picture's header states of its primaries; with a warning, nothing, where it states what cannot be."""
     try:
-        return None if given is None else from_chromaticities(given)
+        return None if stated is None else from_chromaticities(stated)
     except ValueError as error:
         warnings.warn(f"{path} states what are no primaries, and is taken for Rec. 709: {error}", stacklevel=5)
         return None

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .expected import expect
+
 # x and y of red, green, blue and white.
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 REC2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
@@ -22,8 +24,8 @@ ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290)
 ACES = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 ACESCG = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 _NAMED = {
-    "ACES": ACES, "ACEScg": ACESCG, "Rec. 2020": REC2020, "Display P3": DISPLAY_P3, "DCI-P3": DCI_P3,
-    "Adobe RGB": ADOBE_RGB,
+    "ACEScg": ACESCG, "ACES": ACES, "Rec. 2020": REC2020, "Display P3": DISPLAY_P3, "DCI-P3": DCI_P3,
+    "Adobe RGB": ADOBE_RGB, "Rec. 709": REC709,
 }  # fmt: skip
 _BY_CODE = {9: REC2020, 11: DCI_P3, 12: DISPLAY_P3}  # ITU-T H.273; wider than Rec. 709
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
@@ -32,9 +34,11 @@ _ALIKE = 0.01  # matrices that differ from 1 by less are of Rec. 709 with its nu
 _MOST_CUT = 0.01  # share of a channel's light that is cut without a word
 _MOST_PROFILE = 2**22  # bytes
 
+Given = str | Sequence[float]
+
 
 class Stated(NamedTuple):
-    """Primaries that a file states."""
+    """Primaries of a file."""
 
     name: str  # for people
     matrix: NDArray[np.float64]  # (3, 3), from them to Rec. 709
@@ -55,6 +59,22 @@ def from_chromaticities(chromaticities: Sequence[float] | NDArray[Any]) -> State
         raise ValueError(f"{given.tolist()} lie on a line") from None
     name = next((name for name, xy in _NAMED.items() if np.abs(given - xy).max() < 2e-3), "its primaries")
     return _unless_rec709(name, np.linalg.inv(_xyz_of_rgb(np.array(REC709))[0]) @ adapted @ xyz_of)
+
+
+def given(primaries: Given) -> Stated | None:
+    """Primaries by name (case, spaces, dots and hyphens do not count) or by x and y of red, green, blue and white;
+    None for those of Rec. 709. Raises ValueError for others, TypeError for what is neither."""
+    expect(primaries, (str, Sequence, np.ndarray), "primaries", f"one of {', '.join(_NAMED)}, or eight numbers")
+    if not isinstance(primaries, str):
+        return from_chromaticities(primaries)
+    for name, xy in _NAMED.items():
+        if _plain(primaries) == _plain(name):
+            return from_chromaticities(xy)
+    raise ValueError(f"primaries must be one of {', '.join(_NAMED)}, or eight numbers, got {primaries!r}")
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
 def from_profile(profile: bytes) -> Stated | None:

@@ -38,10 +38,15 @@ def response(text: str) -> Response:
     return Response.srgb() if text == "srgb" else Response.gamma(positive(text))
 
 
-def add_response(p: argparse.ArgumentParser) -> None:
+def add_colours_of_map(p: argparse.ArgumentParser) -> None:
+    """Options of how a map's file is to be understood: --response, --primaries."""
     p.add_argument(
         "--response", type=response, metavar="CURVE", help='of a .png or .jpg map: "srgb" or an exponent, as 2.2'
     )
+    p.add_argument(
+        "--primaries", metavar="NAME",
+        help='of the map, as ACEScg, "Rec. 2020", "Display P3" (default: what its file states, or Rec. 709)',
+    )  # fmt: skip
 
 
 def device(text: str) -> int | str:

@@ -9,7 +9,7 @@ from ..axes import HANDEDNESS, NAMES
 from ..environment_files import LAYOUTS
 from ..export import FORMATS
 from ..sh_files import CONVENTIONS
-from ._arguments import add_response, parser
+from ._arguments import add_colours_of_map, parser
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -29,7 +29,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="z up (marker), y up, or as these engines have them (default: %(default)s)",
     )  # fmt: skip
     p.add_argument("--map-axes", choices=NAMES, default="marker", help="those of the map (default: %(default)s)")
-    add_response(p)
+    add_colours_of_map(p)
     p.add_argument("--irradiance", type=int, default=16, help="face edge of the irradiance (default: %(default)s)")
 
     levels = p.add_argument_group("prefiltered levels")
@@ -80,9 +80,11 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.size < 1:
         raise ValueError(f"size must be at least 1, got {arguments.size}")
-    picture = read_equirect(arguments.environment, arguments.response)
+    picture = read_equirect(arguments.environment, arguments.response, arguments.primaries)
     if picture is None:
-        cube = read_environment(arguments.environment, axes=arguments.map_axes, response=arguments.response)
+        cube = read_environment(
+            arguments.environment, axes=arguments.map_axes, response=arguments.response, primaries=arguments.primaries
+        )
     else:
         cube = from_equirect(picture, _face_edge(arguments.size, picture.shape[1]), arguments.map_axes)
         is_picture = f".{arguments.format}" in LINEAR

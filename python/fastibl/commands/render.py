@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._arguments import add_object, add_response, object_of, parser
+from ._arguments import add_colours_of_map, add_object, object_of, parser
 
 if TYPE_CHECKING:
     from .._fastibl import CubeMap, Environment
@@ -29,7 +29,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     made.add_argument(
         "--environment", type=Path, help="light by this map (.hdr, .exr, .ktx2, .dds, .png, .jpg) instead of capturing"
     )
-    add_response(made)
+    add_colours_of_map(made)
     own = "of a file with a material or colours its own"
     made.add_argument("--diffuse", type=float, help=f"k_L (default: {_DIFFUSE}; {own})")
     made.add_argument("--glossy", type=float, help=f"k_G (default: {_GLOSSY}; {own})")
@@ -71,7 +71,8 @@ def _session(arguments: argparse.Namespace, recording: Recording) -> Session:
     environment = None
     if arguments.environment is not None:
         environment = _as_bright_as_here(
-            read_environment(arguments.environment, response=arguments.response), recording
+            read_environment(arguments.environment, response=arguments.response, primaries=arguments.primaries),
+            recording,
         )
     return Session(
         Scene(mesh, material),
