@@ -90,6 +90,7 @@ P3 = icc_of(profile(P3_COLUMNS))
         ([(b"cICP", bytes([1, 13, 0, 1])), P3], None),
         ([icc_of(profile(P3_COLUMNS, kind=b"GRAYXYZ "))], None),
         ([icc_of(profile(P3_COLUMNS)[:180])], None),
+        ([icc_of(profile([(0, 0, 0)] * 3))], None),
         ([(b"iCCP", b"name\0\0broken")], None),
         ([(b"iCCP", b"")], None),
         ([(b"cICP", b"")], None),
@@ -127,6 +128,27 @@ def test_profile_of_jpeg(tmp_path):
         assert primaries.from_profile(icc).name == name
 
 
+@pytest.mark.parametrize("order", [">", "<"])
+def test_a_cameras_adobe_rgb(tmp_path, order):
+    """Told by EXIF's interoperability index alone. Truth: Adobe RGB (1998) Color Image Encoding, 4.3.5.3, with sRGB's
+    inverse of IEC 61966-2-1."""
+    xyz_of_adobe = [[0.57667, 0.18556, 0.18823], [0.29734, 0.62736, 0.07529], [0.02703, 0.07069, 0.99134]]
+    srgb_of_xyz = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+    plain = cv2.imencode(".jpg", CODES[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 100])[1].tobytes()
+    for index, matrix in (("R03", np.array(srgb_of_xyz) @ xyz_of_adobe), ("R98", np.eye(3))):
+        entry = struct.pack(order + "2HI4s", 1, 2, 4, index.encode())
+        body = b"II*\0" if order == "<" else b"MM\0*"
+        body += struct.pack(order + "IH2HIIIH", 8, 1, 0xA005, 4, 1, 26, 0, 1) + entry + bytes(4)
+        exif = b"Exif\0\0" + body
+        data = plain[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + plain[2:]
+        (tmp_path / "plain.jpg").write_bytes(plain)
+        (tmp_path / "a.jpg").write_bytes(data)
+        expected = read_picture(tmp_path / "plain.jpg", SRGB) @ matrix.T
+        np.testing.assert_allclose(read_picture(tmp_path / "a.jpg", SRGB), expected, atol=1e-3)
+    both = jpeg(CODES, profile(SRGB_COLUMNS))
+    assert primaries.of_picture(both[:2] + data[2 : 2 + 2 + 2 + len(exif)].replace(b"R98", b"R03") + both[2:]) is None
+
+
 def test_colours_beyond_rec709_are_told(tmp_path):
     """A lamp of ACEScg's green: a map holds no negative light, which adds some in red."""
     pytest.importorskip("OpenEXR")
@@ -142,8 +164,9 @@ def test_colours_beyond_rec709_are_told(tmp_path):
     to_709 = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]])
     red = (picture @ to_709[0]).astype(np.float64)
     share = -red[red < 0].sum() / red[red > 0].sum()
-    with pytest.warns(UserWarning, match=f"green.exr .* ACEScg .* {share:.0%} of the light in red, are cut"):
+    with pytest.warns(UserWarning, match=f"green.exr .* ACEScg .* {share:.0%} of the light in red, are cut") as told:
         cube = fastibl.read_environment(tmp_path / "green.exr", 16)
+    assert told[0].filename == __file__
     assert cube.cleaned["negative"] > 0
 
 
@@ -177,8 +200,10 @@ def test_chromaticities_that_are_none(tmp_path):
     pytest.importorskip("OpenEXR")
     picture = np.full((16, 32, 3), 0.2, np.float32)
     write_exr(tmp_path / "a.exr", {"RGB": picture}, {"chromaticities": (0.0,) * 8})
-    with pytest.warns(UserWarning, match="a.exr states what are no primaries"):
-        np.testing.assert_array_equal(read_picture(tmp_path / "a.exr"), picture)
+    with pytest.warns(UserWarning, match="a.exr states what are no primaries") as told:
+        cube = fastibl.read_environment(tmp_path / "a.exr", 16)
+    assert told[0].filename == __file__
+    np.testing.assert_allclose(cube.faces, 0.2, rtol=1e-6)
 
 
 def test_primaries_of_ktx2(tmp_path):

@@ -211,7 +211,7 @@ def _chromaticities(path: Path, stated: Any) -> Stated | None:
     try:
         return None if stated is None else from_chromaticities(stated)
     except ValueError as error:
-        warnings.warn(f"{path} states what are no primaries, and is taken for Rec. 709: {error}", stacklevel=5)
+        warnings.warn(f"{path} states what are no primaries, and is taken for Rec. 709: {error}", stacklevel=4)
         return None
 
 

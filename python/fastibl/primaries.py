@@ -32,7 +32,12 @@ _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0
 _D50 = np.array([0.9642, 1.0, 0.8249])  # of ICC profiles
 _ALIKE = 0.01  # matrices that differ from 1 by less are of Rec. 709 with its numbers rounded
 _MOST_CUT = 0.01  # share of a channel's light that is cut without a word
+_ODD = 0.05  # white of a profile that is farther than this from D50 is not to be believed
 _MOST_PROFILE = 2**22  # bytes
+_ICC = b"ICC_PROFILE\0"
+# Cameras that take Adobe RGB add no profile, but this entry of EXIF, its interoperability index R03 (DCF 2.0). It may
+# have either order of bytes.
+_R03 = (b"\0\1\0\2\0\0\0\4R03\0", b"\1\0\2\0\4\0\0\0R03\0")
 
 Given = str | Sequence[float]
 
@@ -58,7 +63,10 @@ def from_chromaticities(chromaticities: Sequence[float] | NDArray[Any]) -> State
     except np.linalg.LinAlgError:
         raise ValueError(f"{given.tolist()} lie on a line") from None
     name = next((name for name, xy in _NAMED.items() if np.abs(given - xy).max() < 2e-3), "its primaries")
-    return _unless_rec709(name, np.linalg.inv(_xyz_of_rgb(np.array(REC709))[0]) @ adapted @ xyz_of)
+    matrix = np.linalg.inv(_xyz_of_rgb(np.array(REC709))[0]) @ adapted @ xyz_of
+    if not np.isfinite(matrix).all():
+        raise ValueError(f"{given.tolist()} give no finite matrix")
+    return _unless_rec709(name, matrix)
 
 
 def given(primaries: Given) -> Stated | None:
@@ -79,7 +87,7 @@ def _plain(name: str) -> str:
 
 def from_profile(profile: bytes) -> Stated | None:
     """Primaries of an ICC profile (ICC.1:2022, 7 and 9); None for those of Rec. 709, and for other profiles than RGB's
-    with a matrix."""
+    with a matrix that takes white to D50."""
     try:
         if profile[16:24] != b"RGB XYZ " or profile[36:40] != b"acsp":
             return None
@@ -89,8 +97,11 @@ def from_profile(profile: bytes) -> Stated | None:
         columns = [struct.unpack_from(">8x3i", tags[name]) for name in (b"rXYZ", b"gXYZ", b"bXYZ")]
     except (struct.error, KeyError):
         return None
+    xyz_of = np.array(columns).T / 2**16
+    if np.abs(xyz_of.sum(axis=1) - _D50).max() > _ODD:
+        return None
     xyz_of_709, white = _xyz_of_rgb(np.array(REC709))
-    matrix = np.linalg.inv(_adapted(white, _D50) @ xyz_of_709) @ np.array(columns).T / 2**16
+    matrix = np.linalg.inv(_adapted(white, _D50) @ xyz_of_709) @ xyz_of
     return _unless_rec709(_profile_name(tags.get(b"desc", b"")) or "an ICC profile", matrix)
 
 
@@ -98,7 +109,12 @@ def of_picture(data: bytes) -> Stated | None:
     """Primaries that a PNG or JPEG picture states; None for those of Rec. 709, for other kinds of files, or where it
     states none."""
     if data[:2] == b"\xff\xd8":
-        return from_profile(_jpeg_profile(data))
+        segments = list(_jpeg_segments(data))
+        icc = {s[12]: s[14:] for kind, s in segments if kind == 0xE2 and s[:12] == _ICC and len(s) > 14}
+        if icc:  # cut into numbered segments, where it is long
+            return from_profile(b"".join(icc[number] for number in sorted(icc)))
+        exif = b"".join(segment for kind, segment in segments if kind == 0xE1 and segment.startswith(b"Exif\0"))
+        return from_chromaticities(ADOBE_RGB) if any(r03 in exif for r03 in _R03) else None
     chunks = dict(_png_chunks(data)) if data[:4] == b"\x89PNG" else {}
     if b"cICP" in chunks:  # in the order of PNG's third edition, 4.3
         code = chunks[b"cICP"][0] if chunks[b"cICP"] else 0
@@ -174,20 +190,16 @@ def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         at += 12 + size
 
 
-def _jpeg_profile(data: bytes) -> bytes:
-    """The ICC profile of a JPEG, which may be cut into several segments; empty where it has none."""
-    parts: dict[int, bytes] = {}
+def _jpeg_segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Markers and contents of what comes before a JPEG's pixels."""
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:  # the pixels begin
         if data[at + 1] == 0xFF:  # a fill byte
             at += 1
             continue
         (size,) = struct.unpack_from(">H", data, at + 2)
-        segment = data[at + 4 : at + 2 + size]
-        if data[at + 1] == 0xE2 and segment.startswith(b"ICC_PROFILE\0") and len(segment) > 14:
-            parts[segment[12]] = segment[14:]
+        yield data[at + 1], data[at + 4 : at + 2 + size]
         at += 2 + size
-    return b"".join(parts[number] for number in sorted(parts))
 
 
 def _profile_name(description: bytes) -> str:
