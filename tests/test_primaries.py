@@ -12,6 +12,7 @@ import fastibl
 from conftest import same_error
 from fastibl import __main__, dds, ktx2, primaries, sources
 from fastibl.pictures import read_picture, write_exr, write_picture
+from fastibl.recorder import Recorder
 from fastibl.recording import RecordingWarning
 
 SRGB = fastibl.Response.srgb()
@@ -287,6 +288,21 @@ def test_camera_pictures_of_other_primaries_are_told(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(list(source)) == 3
+
+
+def test_recorded_pictures_of_other_primaries_are_told(tmp_path):
+    with Recorder(tmp_path / "r", fastibl.Rig(fastibl.Camera(32, 16, 30, 30, 16, 8))) as recorder:
+        for k in range(3):
+            recorder.add(fastibl.Frame(float(k), back=CODES), wait=True)
+    recording = fastibl.Recording.open(tmp_path / "r")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(list(recording)) == 3
+    for path in (tmp_path / "r" / "back").glob("*.png"):
+        path.write_bytes(png(CODES, P3))
+    with pytest.warns(RecordingWarning, match="00000.png .* Display P3") as told:
+        frames = list(fastibl.Recording.open(tmp_path / "r"))
+    assert len(frames) == 3 and len(told) == 1
 
 
 def test_textures_keep_their_codes(tmp_path):

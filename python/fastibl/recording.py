@@ -44,6 +44,7 @@ from .camera_files import decode_pixels, open_film
 from .expected import expect
 from .file_limits import check_file_size, check_pixels, file_bytes, text_of
 from .picture_headers import jpeg_size, png_size
+from .primaries import of_picture
 from .whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ class Frame:
 
 
 class RecordingWarning(UserWarning):
-    """A recording or film ends early, or a part of it cannot be kept; everything else stays valid."""
+    """A recording or film ends early, a part of it cannot be kept, or its colours are not what they are taken for."""
 
 
 @dataclass(eq=False)
@@ -439,6 +440,7 @@ class _StoredFrames(Sequence[Frame]):
         each = {time: iter(of_time) for time, of_time in attitudes.items()}  # frames of one time: one after the other
         self.attitudes = [next(each.get(time, iter(())), None) for time, _ in self.moments]
         self._videos: dict[str, tuple[cv2.VideoCapture, int]] = {}
+        self._looked_at = set[str]()  # cameras whose primaries were looked at
 
     def __len__(self) -> int:
         return len(self.moments)
@@ -449,6 +451,9 @@ class _StoredFrames(Sequence[Frame]):
         for camera, (file, exposure) in pictures.items():
             setattr(frame, camera, self._read(file))
             setattr(frame, f"{camera}_exposure", exposure)
+            if camera not in self._looked_at and "#" not in file:
+                self._looked_at.add(camera)
+                warn_of_primaries(_inside(self.path, file), stacklevel=4)
         return frame
 
     def __iter__(self) -> Iterator[Frame]:
@@ -623,6 +628,17 @@ def _whole_lines(file: TextIO, path: Path) -> Iterator[str]:
             yield line
         else:
             warnings.warn(f"the last line of {path} is cut off; it is left out", RecordingWarning, stacklevel=4)
+
+
+def warn_of_primaries(path: Path, stacklevel: int = 3) -> None:
+    """Gives a RecordingWarning where a camera's picture states other primaries than those of Rec. 709."""
+    if stated := of_picture(file_bytes(path)):
+        warnings.warn(
+            f"{path} has the primaries of {stated.name}; its codes are taken for those of Rec. 709, so that colours of "
+            "the light and of the object differ; convert the pictures to sRGB",
+            RecordingWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def _load(path: Path) -> NDArray:

@@ -22,10 +22,8 @@ from numpy.typing import NDArray
 
 from ._fastibl import Rig
 from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
-from .file_limits import file_bytes
 from .live_camera import LiveCamera, Shot
-from .primaries import of_picture
-from .recording import CAMERAS, Frame, RecordingWarning
+from .recording import CAMERAS, Frame, RecordingWarning, warn_of_primaries
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _WAIT = 0.1  # seconds between checks whether the source was closed
@@ -343,13 +341,7 @@ class FolderSource(_Closing):
                     continue
                 if name not in told:
                     told.add(name)
-                    if stated := of_picture(file_bytes(files[place])):
-                        warnings.warn(
-                            f"{files[place]} has the primaries of {stated.name}; its codes are taken for those of Rec. "
-                            "709, so that colours of the light and of the object differ; convert the pictures to sRGB",
-                            RecordingWarning,
-                            stacklevel=2,
-                        )
+                    warn_of_primaries(files[place])
                 setattr(frame, f"{name}_exposure", self._exposures[name])
             if frame.back is not None or frame.front is not None:
                 yield frame
