@@ -261,7 +261,7 @@ TEST_CASE("pictures and masks whose rows or pixels lie where they cannot be read
 TEST_CASE("what is no light is cleaned, and counted, however it came") {
   std::vector<float> picture(16 * 8 * 3, 1.0f);
   picture[0] = kNaN, picture[50] = -2, picture[99] = std::numeric_limits<float>::infinity();
-  const CleaningStatistics& found = cubemap_from_equirect({picture.data(), 16, 8}, 8).cleaned();
+  const CleaningStatistics found = cubemap_from_equirect({picture.data(), 16, 8}, 8).cleaned();
   CHECK(found == CleaningStatistics{1, 1, 1});
 
   for (const float bad : {kNaN, std::numeric_limits<float>::infinity()}) {
