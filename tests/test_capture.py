@@ -258,6 +258,13 @@ def test_a_bound_agrees_with_more():
     assert flat.clipped == 0
 
 
+def test_a_bound_a_little_above_a_measured_value_is_the_rim_of_a_lamp():
+    """Its footprint may hold a sliver that the unclipped picture's did not: no reason to doubt what was measured."""
+    flat = Flat().codes(128, 128, 128, exposure=0.5)
+    flat.codes(255, 255, 255, exposure=1 / (1.28 * float(flat.value[0])))
+    assert flat.clipped == 0
+
+
 def test_a_first_bound_is_flagged_until_it_is_measured():
     flat = Flat().codes(255, 255, 255)
     np.testing.assert_allclose(flat.value, 1, rtol=1e-5)
@@ -666,6 +673,27 @@ def test_the_clock_does_not_change_a_value():
     np.testing.assert_allclose(maps[0], maps[1], rtol=1e-5)
 
 
+def test_confidence_is_that_of_all_channels():
+    shown = [Flat().add(color).capture.environment().confidence for color in np.eye(3, dtype=np.float32)]
+    np.testing.assert_array_equal(shown[1], shown[0])
+    np.testing.assert_array_equal(shown[2], shown[0])
+
+
+def test_dark_samples_of_few_pixels_are_less_sure_by_their_photons():
+    """Of 4000 electrons at white, a linear value y of one pixel has a relative variance of 1 / (4000 y)."""
+    camera, variance = camera_of(32, 24), {}
+    for light in (0.05, 1.0):
+        capture = fastibl.Capture(size=128, centre=CENTRE)
+        capture.add(np.full((24, 32, 3), light, np.float32), camera, looking((0, 1, 0.6)))
+        confidence = np.asarray(capture.environment().confidence)
+        seen = (confidence > 0) & (fastibl.texel_directions(128)[..., 2] > 0.05)
+        variance[light] = 0.1**2 * (1 / confidence[seen] - 1)  # confidence is 1/2 at 10 %
+        assert seen.sum() > 1000
+    more = variance[0.05].mean() - variance[1.0].mean()
+    print(f"{variance[0.05].mean():.5f} instead of {variance[1.0].mean():.5f}")
+    assert 1 / (4000 * 0.05) - 1 / 4000 < more < 2 / (4000 * 0.05)  # and the noise of reading
+
+
 def test_coverage_is_the_solid_angle_of_the_frame():
     camera = camera_of(256, 192, 70.0)
     capture = fastibl.Capture(size=128)
@@ -790,3 +818,11 @@ def test_maps_after_a_turn_forget_what_was_forgotten(held):
     assert left.sum() < seen
     np.testing.assert_array_equal(env.confidence > 0, left)
     np.testing.assert_array_equal(np.isfinite(env.age), left)
+
+
+def test_a_map_that_is_turned_over_takes_no_plane_for_sky():
+    capture = fastibl.Capture(size=32, centre=(0, 0, 0.1))
+    capture.add(np.full((48, 64, 3), 0.5), camera_of(64, 48), looking((0, 0.3, -1), (0, 0, 0.5)))
+    assert np.isfinite(capture.last_seen).sum() > 1000
+    capture.turn(fastibl.Pose.from_rotation_vector([np.pi / 2, 0, 0], [0, 0, 0]))
+    assert not np.isfinite(capture.last_seen).any()

@@ -152,6 +152,18 @@ def test_outer_map_carries_on_without_a_seam():
     assert alone.outer is None and (alone.image[0] == 1).all() and alone.reach == alone.extent
 
 
+@pytest.mark.parametrize("extent", [0.1, 0.2])
+def test_a_small_inner_map_joins_its_outer_one_within_the_shadow(extent):
+    """The outer map is coarser: where a map ends in the midst of a shadow, the two would differ by a step."""
+    shadow = fastibl.cast_shadow(lamps(), ring(50), extent=extent)
+    across = np.linspace(-0.9, 0.9, 41)
+    steps = extent * np.linspace(0.9, 1.1, 2000)
+    lines = [d for a in across for d in ((1, a), (-1, a), (a, 1), (a, -1))]
+    jumps = [np.abs(np.diff(shadow.sample(steps[:, None] * d + shadow.centre), axis=0)).max() for d in lines]
+    print(f"\nextent {extent} m in {shadow.outer_extent:.2f} m: largest step {max(jumps):.3f}")
+    assert max(jumps) < 0.03
+
+
 def test_sample_of_many_points_is_that_of_each():
     shadow = fastibl.cast_shadow(lamps(), ring(20))
     rng = np.random.default_rng(0)

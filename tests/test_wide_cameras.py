@@ -149,6 +149,23 @@ def test_a_mask_is_of_the_wide_picture():
     assert seen[up & (right[..., 0] > 0.05)].all()
 
 
+def test_wide_pictures_from_afar_do_not_replace_what_nearer_ones_showed():
+    """Of one that lies beside the object and one at the ceiling the nearer one knows better; alone, each does."""
+    up = fastibl.texel_directions(32)[..., 2] > 0.1
+
+    def sky(*shown):
+        capture = fastibl.Capture(size=32)
+        for time, (height, light) in enumerate(shown):
+            picture = np.full((64, 128, 3), light, np.float32)
+            capture.add(picture, fastibl.Camera.equirectangular(128, 64), looking((0, 1, 0), (0, 0, height)), time=time)
+        return capture.environment().radiance.faces[up]
+
+    near, far = (0.3, 1.0), (3.0, 0.3)
+    np.testing.assert_allclose(sky(near, far, far), 1, rtol=1e-5)
+    np.testing.assert_allclose(sky(far), 0.3, rtol=1e-5)
+    np.testing.assert_allclose(sky(far, near), 1, rtol=1e-5)
+
+
 def test_simulated_360_front_camera_lights_a_map_at_once(tmp_path):
     back = fastibl.Camera(480, 360, 390, 390, 240, 180)
     turn = fastibl.Pose.from_rotation_vector([0.0, np.pi, 0.0], [0.0, 0.0, 0.0])
