@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -108,7 +109,12 @@ def test_packed_ktx2(tmp_path, packing):
         if fine:
             np.testing.assert_allclose(ktx2.read_ktx2(tmp_path / "b.ktx2")[0], faces, rtol=1 / 2048)
         else:
-            same_error(lambda: ktx2.read_ktx2(tmp_path / "b.ktx2"), ValueError, "b.ktx2", "damaged")
+            tracemalloc.start()
+            try:
+                same_error(lambda: ktx2.read_ktx2(tmp_path / "b.ktx2"), ValueError, "b.ktx2", "damaged")
+                assert tracemalloc.get_traced_memory()[1] < 50 * length + len(packed) + 2**20  # not all of the bomb
+            finally:
+                tracemalloc.stop()
 
 
 @pytest.mark.parametrize("legacy", [False, True])
@@ -261,6 +267,7 @@ HOSTILE = {
     "five.dds": (D3D9[:112] + struct.pack("<I", 0x7E00) + bytes(999), "no cube"),
     "bc7.dds": (DDS[:128] + struct.pack("<5I", 98, 3, 4, 1, 0) + bytes(999), "DXGI_FORMAT 98"),
     "bc6h.dds": (DDS[:128] + struct.pack("<5I", 95, 3, 4, 1, 0) + bytes(95), "cut off"),
+    "levels.dds": (DDS[:28] + struct.pack("<I", 9) + DDS[32:], "9 levels"),
     "huge.dds": (DDS[:12] + struct.pack("<2I", 1 << 31, 1 << 31)
                  + DDS[20:], "pixels are read"),
     "picture.tif": (b"II*\0" + bytes(64), ".hdr, .exr"),

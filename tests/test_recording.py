@@ -107,6 +107,7 @@ COLUMNS = "time,m00,m01,m02,m10,m11,m12,m20,m21,m22\n"
         (COLUMNS + "0,1,2\n", "line 2: expected ten"),
         (COLUMNS + "0,1,0,0,0,1,0,0,0,1\n1,1,0,0,0,1,0,0,0,nan\n", "line 3: the attitude must be a rotation"),
         (COLUMNS + "0,1,0,0,0,1,0,0,0,one\n", "line 2: expected ten"),
+        (COLUMNS + "0,1,0,0,0,1,0,0,0,-1\n", "line 2: the attitude must be a rotation"),  # a mirror
         (COLUMNS + "\n", "line 2: expected ten"),
     ],
 )
