@@ -9,6 +9,7 @@ import pytest
 import fastibl
 from conftest import MAPS, same_error, units
 from fastibl import reference
+from fastibl.axes import turned
 
 # OpenGL ES 3.0, table 3.19: major axis, s axis, t axis of each face.
 OPENGL = [
@@ -110,6 +111,15 @@ def test_nothing_between_texels_is_outside_what_they_hold(size):
     for finer in (2 * size + 1, 3 * size, 5 * size):  # texels' centres on edges of the map's own, but for rounding
         light = cube.sample(reference.samples(np.zeros((6, finer, finer, 3)))[0].astype(np.float32))
         assert light.min() >= 0 and light.max() <= 1
+
+
+def test_a_mirrored_map_has_a_mirrored_picture():
+    """Samples within a pixel lie evenly around its middle."""
+    cube = fastibl.CubeMap(np.random.default_rng(0).random((6, 16, 16, 3)))
+    mirrored = turned(cube, np.diag([-1, 1, 1]))
+    for height in (16, 32, 64):
+        picture = fastibl.equirect_from_cubemap(cube, height)
+        np.testing.assert_allclose(fastibl.equirect_from_cubemap(mirrored, height)[:, ::-1], picture, atol=1e-6)
 
 
 def test_conversion_keeps_constant_and_energy():

@@ -58,6 +58,26 @@ def test_what_is_seen_goes_before_the_prior_and_tells_its_brightness():
     assert errors["prior"] < 0.02 < 0.3 * errors["nothing"]
 
 
+def test_a_prior_is_matched_by_what_does_not_clip():
+    """The place is 4 times as bright as before, and clips but for a dark part, as one exposure may show it."""
+    directions = fastibl.texel_directions(SIZE)
+
+    def before(d):
+        return np.where(d[..., :1] > -0.3, 0.5, 0.1) * np.ones(3)
+
+    capture, camera = fastibl.Capture(size=SIZE, prior=fastibl.CubeMap(before(directions))), camera_of(160, 120, 70)
+    for k, towards in enumerate([(0.2, 1, 0.6), (-1, 0.6, 0.5), (1, 0.3, 0.5), (1, -0.8, 0.5)]):
+        pose = looking(towards, (0, 0, 0.3))
+        codes = exposed(picture_of(lambda d: 4 * before(d), camera, pose), camera, 1.0)
+        capture.add(codes, camera, pose, time=0.1 * k)
+    env = capture.environment()
+    unseen = ~np.isfinite(capture.last_seen) & UP & (directions[..., 0] < -0.4)
+    filled = np.median(env.radiance.faces[unseen])
+    print(f"{env.clipped:.0%} clips; the unseen dark part is {filled:.3f}, true 0.4")
+    assert env.clipped > 0.5 and unseen.sum() > 500
+    assert filled == pytest.approx(0.4, rel=0.02)
+
+
 def test_maps_stay_consistent_where_tiles_are_partly_seen():
     """MIP levels of a map that was updated in place are those of the same texels built anew."""
     capture = fastibl.Capture(size=SIZE, prior=fastibl.CubeMap(place_map(SIZE)))
