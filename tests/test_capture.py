@@ -543,6 +543,19 @@ def test_the_plane_is_as_sharp_as_the_picture():
     assert middle.sum() > 500 and error < 0.03
 
 
+def test_the_plane_is_not_taken_from_pictures_whose_place_is_guessed():
+    """plane=False: where it was seen from a known place it stays, and the sky is taken."""
+    capture, camera = fastibl.Capture(size=32, centre=(0, 0, 0.1)), camera_of(64, 48)
+    pose, up = looking((0, 0.6, -0.1), (0, 0, 0.4)), fastibl.texel_directions(32)[..., 2]
+    for time, (light, plane) in enumerate([(0.5, True), (0.2, False), (0.2, False)]):
+        capture.add(np.full((48, 64, 3), light, np.float32), camera, pose, time=time, plane=plane)
+        seen = np.isfinite(capture.last_seen)
+        faces = capture.environment().radiance.faces
+        np.testing.assert_allclose(faces[seen & (up < 0)], 0.5, rtol=1e-5)
+        np.testing.assert_allclose(faces[seen & (up > 0.05)], light, rtol=1e-5)
+    assert (seen & (up < 0)).sum() > 100 and (seen & (up > 0.05)).sum() > 100
+
+
 def test_the_far_plane_does_not_alias():
     """A camera nearer to the plane than the object sees a texel over many pixels: checks finer than it average."""
     centre = (0.0, 0.0, 1.0)

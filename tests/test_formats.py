@@ -92,6 +92,15 @@ def test_ktx2_bytes(tmp_path):
         np.testing.assert_array_equal(made, level)
 
 
+@pytest.mark.parametrize("version", ["1" * k for k in range(1, 9)])
+def test_ktx2_levels_are_aligned_whatever_the_version(tmp_path, monkeypatch, version):
+    """They follow a key that names it."""
+    monkeypatch.setattr(ktx2, "__version__", version)
+    ktx2.write_ktx2(tmp_path / "a.ktx2", [np.ones((6, n, n, 3)) for n in (2, 1)])
+    data = (tmp_path / "a.ktx2").read_bytes()
+    assert all(struct.unpack_from("<Q", data, 80 + 24 * k)[0] % 8 == 0 for k in range(2))
+
+
 @pytest.mark.parametrize("packing", ["zlib", "zstandard"])
 def test_packed_ktx2(tmp_path, packing):
     faces = np.random.default_rng(0).lognormal(size=(6, 8, 8, 3)).astype(np.float32)

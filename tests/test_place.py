@@ -108,6 +108,17 @@ def test_a_white_ball_near_the_plane_under_a_uniform_sky():
     assert black.plane_gain == black.shadow_map
 
 
+def test_no_vertex_sends_the_plane_less_than_nothing():
+    """Near the contact the plane loses more, by its coarse cells, than a vertex there has."""
+    scene = scene_of(ball(0.03, 0.0301), fastibl.Material(diffuse=(0.9, 0.9, 0.9)))
+    methods = {"diffuse": "sh9", "shadow": "directions", "self_shadow": "transfer", "bounce": "one-bounce"}
+    session = session_of(scene, marked_map(), methods=methods, error=0)
+    assert "bounce" in shown(session).passes
+    added = session.plane_gain.image - session.shadow_map.image
+    print(f"the bounce adds {added.min():.4f} to {added.max():.4f}")
+    assert added.min() >= 0
+
+
 def test_the_underside_darkens_towards_contact():
     source = uniform()
     scene = scene_of(ball(), fastibl.Material(diffuse=(0.8, 0.8, 0.8)))

@@ -294,6 +294,14 @@ def test_frames_of_both_cameras_fill_the_map():
     assert seen > 0 and abs(value[0] / CAMERA.response.decode(np.array([120 / 255.0]))[0] - 1) < 0.01
 
 
+def test_the_front_cameras_ratio_is_taken_out_of_its_pictures():
+    ratio = np.array([2.0, 1.0, 0.5])
+    session = fastibl.Session(ball(), rig_of_two(), size=16, front_ratio=ratio)
+    env = session.process(given(front=FRONT)).environment
+    shown = env.radiance.sample((rig_of_two().front_from_back @ POSE).rotation[2])
+    np.testing.assert_allclose(shown, CAMERA.response.decode(np.array([120 / 255.0])) / ratio, rtol=0.01)
+
+
 def test_timings_and_passes():
     session = fastibl.Session(ball(), RIG, environment=WHITE)
     result = session.process(given())
@@ -501,6 +509,15 @@ def test_the_paper_goes_on_whatever_exposures_are_told(told):
     assert len(took) >= 4 and max(np.diff([*took, 25.5])) <= 8.0
     if told in ("constant", "untold"):
         assert took == [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
+
+
+def test_the_paper_does_not_wait_after_a_front_picture_that_was_left_out():
+    session = fastibl.Session(ball(), rig_of_two(), size=16, methods="paper")
+    how = []
+    for time, front in ((0.0, FRONT), (5.0, np.zeros_like(FRONT)), (5.5, FRONT), (6.0, FRONT)):
+        taken = session.process(given(time, front=front, front_exposure=None)).front_taken
+        how.append(taken and taken.how)
+    assert how == ["assumed", "left out", "estimated", None]
 
 
 def test_a_picture_that_is_left_out_changes_no_exposure():
