@@ -404,6 +404,14 @@ def test_the_unseen_runs_evenly_from_tile_to_tile():
     assert across.max() <= 1.05 * within.max()
 
 
+def test_the_unseen_sky_takes_nothing_from_the_plane_below_it():
+    capture = fastibl.Capture(size=64, centre=CENTRE)
+    capture.add(np.ones((48, 64, 3)), camera_of(64, 48), looking((0.4, 1, 0.9)))
+    faces, up = capture.environment().radiance.faces, fastibl.texel_directions(64)[..., 2]
+    np.testing.assert_allclose(faces[up > 0], 1, rtol=1e-4)
+    np.testing.assert_allclose(faces[up < 0], 0.5, rtol=1e-3)  # the plane's albedo
+
+
 def test_clipped_pictures_at_the_border_do_not_darken_the_unseen():
     """A turning camera whose pictures clip in every second exposure: what nobody saw stays as bright as the rest."""
     camera, capture, lowest = camera_of(), fastibl.Capture(size=64, centre=CENTRE), []

@@ -152,6 +152,18 @@ def test_outer_map_carries_on_without_a_seam():
     assert alone.outer is None and (alone.image[0] == 1).all() and alone.reach == alone.extent
 
 
+def test_spheres_below_the_plane_do_not_widen_the_map():
+    above, below = ring(20), [[5.0, 5.0, -2.0, 1.5]]
+    assert fastibl.cast_shadow(lamps(), np.vstack([above, below])) == fastibl.cast_shadow(lamps(), above)
+
+
+@pytest.mark.parametrize("method", ["cap-sum", "cap-product", "directions"])
+def test_places_that_are_none_lie_in_no_shadow(method):
+    points = np.array([[np.nan, 0], [0, np.inf], [0, 0]], np.float32)
+    ratios = fastibl.shadow_ratio(lamps(), ring(20), points, method=method)
+    assert (ratios[:2] == 1).all() and (ratios[2] < 0.5).all()
+
+
 @pytest.mark.parametrize("extent", [0.1, 0.2])
 def test_a_small_inner_map_joins_its_outer_one_within_the_shadow(extent):
     """The outer map is coarser: where a map ends in the midst of a shadow, the two would differ by a step."""
