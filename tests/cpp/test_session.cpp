@@ -71,6 +71,24 @@ TEST_CASE("another object gives what a session that began with it gives") {
   CHECK(after != before);
 }
 
+TEST_CASE("a map that its owner has written to is read anew when it is given again") {
+  const Camera160 camera;
+  const auto own = std::make_shared<Environment>(*light());
+  const auto session_under = [&](std::shared_ptr<const Environment> map) {
+    return Session(scene(0.05f), camera.rig, std::nullopt, map, nullptr, make_cpu_renderer());
+  };
+  Session session = session_under(own);
+  const Image<std::uint8_t> before = session.process(camera.frame).image;
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 16; ++x) own->radiance.base().texel(2, x, y) = glm::vec3(9, 1, 1);
+  own->radiance.update();
+  session.set_environment(own);
+  const Image<std::uint8_t> after = session.process(camera.frame).image;
+  CHECK(after != before);
+  CHECK(after ==
+        session_under(std::make_shared<const Environment>(*own)).process(camera.frame).image);
+}
+
 TEST_CASE("another object may not have a broken shadow look") {
   Session session = Camera160().session(0.05f);
   Scene broken = scene(0.05f);
