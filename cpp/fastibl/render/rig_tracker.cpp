@@ -39,7 +39,7 @@ RigTracker::RigTracker(Rig rig, std::optional<Board> board, Detector detector,
   board_->validate();
   check(detector_ != nullptr, "a session with a board needs a detector");
   edge_tracker_.emplace(*board_, rig_.back);
-  if (!follow_surroundings || !is_perspective(rig_.back)) return;
+  if (!follow_surroundings) return;
   Rig followed = rig_;
   follows_front_ = rig_.front && is_perspective(*rig_.front);
   if (!follows_front_) followed.front.reset();
