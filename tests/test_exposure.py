@@ -165,6 +165,38 @@ def test_a_scale_that_was_assumed_is_mended_by_the_boards_white():
         assert abs(np.log(scale[5])) > 0.5, "wrong before, or nothing is shown"
 
 
+def test_a_scale_is_mended_by_as_much_of_the_sky_as_was_seen():
+    """An even sky, of which two thirds were seen, lights the board by two thirds of what it would light it by whole."""
+    camera, board = fastibl.Camera(480, 360, 330, 330, 240, 180), fastibl.Board.default()
+    capture, wide = Capture(size=32, board=board, centre=(0, 0, 0.1)), fastibl.Camera(160, 120, 80, 80, 80, 60)
+    for k in range(6):
+        capture.add(np.full((120, 160, 3), 60, np.uint8), wide, looking_at(0.5 * k, 0.6), None, 0.1 * k, number=1)
+    pose = board_pictures.look_at(20, 0.45, 40)
+    page = board_pictures.render(board, camera, pose)
+    for k in range(3):
+        capture.add(page, camera, pose, 1.0, 1.0 + 0.2 * k)
+    environment, sky = capture.environment(), fastibl.texel_directions(32)[..., 2] > 0.02
+    seen = np.isfinite(capture.last_seen) & sky
+    shown, expected = np.median(environment.radiance.faces[seen]), np.mean(environment.plane_irradiance) / np.pi
+    print(f"{seen.sum() / sky.sum():.0%} seen: {shown:.3f} for {expected:.3f}")
+    assert capture.mended == 1 and 0.5 < seen.sum() / sky.sum() < 0.8
+    assert shown == pytest.approx(expected, rel=0.02)
+
+
+def test_an_assumed_exposure_allows_for_the_cameras_gain():
+    camera, board = fastibl.Camera(480, 360, 330, 330, 240, 180), fastibl.Board.default()
+    pose, up = board_pictures.look_at(20, 0.45, 40), looking_at(2.4, 1.2)
+    page, exposures = board_pictures.render(board, camera, pose), []
+    for gain in (1.0, 4.0):
+        capture = Capture(size=64, board=board, centre=(0, 0, 0.1))
+        capture.add(page, camera, pose, 1.0, 0.0)
+        other = fastibl.Camera(160, 120, 110, 110, 80, 60, gain=gain)
+        taken = capture.add(picture(up, 0.3), other, up, None, 0.1, number=1)
+        assert taken.how == "assumed"
+        exposures.append(taken.exposure)
+    assert exposures[0] == pytest.approx(4 * exposures[1], rel=0.02)
+
+
 def test_the_camera_that_shows_the_white_is_in_its_scale():
     """One that tells no exposure at first: nothing of what it showed before the board is scaled."""
     camera, board = fastibl.Camera(480, 360, 330, 330, 240, 180), fastibl.Board.default()

@@ -34,6 +34,17 @@ def test_it_points_at_what_was_left_out(left_out):
     assert abs(azimuth - left_out) < 30 and 0.02 < found.share < 0.5
 
 
+def test_a_few_texels_are_not_worth_a_turn():
+    around, mask = fastibl.Camera.equirectangular(512, 256), np.ones((256, 512), bool)
+    mask[60:66, 256:262] = False
+    capture = fastibl.Capture(size=32)
+    capture.add(np.full((256, 512, 3), 99, np.uint8), around, looking((0, 1, 0), EYE), mask=mask)
+    env = capture.environment()
+    assert (env.confidence[fastibl.texel_directions(32)[..., 2] > 0] == 0).any()
+    found = fastibl.guide(env)
+    assert found.direction is None and found.share == 0 and str(found) == "all of the sky was seen"
+
+
 def test_following_it_sees_the_whole_sky():
     capture, pose, turns = fastibl.Capture(size=64), looking((1, 0, 0.4), EYE), 0
     while turns < 40:

@@ -116,6 +116,14 @@ def test_what_is_left_and_the_lights_give_what_the_map_gives(size):
     assert off.mean() < 0.0015 and off.max() < 0.04
 
 
+def test_where_a_light_was_four_times_the_mean_are_left():
+    faces = np.ones((6, 64, 64, 3))
+    faces[fastibl.texel_directions(64) @ np.array([0.6, 0, 0.8]) > np.cos(0.08)] = 3000
+    cube = fastibl.CubeMap(faces)
+    left, lights = fastibl.without_lights(cube)
+    assert len(lights) == 1 and left.faces.max() == pytest.approx(4 * np.mean(cube.mean()), rel=1e-3)
+
+
 def test_what_is_left_of_real_maps(real_maps):
     normals = units(300)
     for name, cube in real_maps.items():

@@ -310,6 +310,17 @@ def test_the_front_cameras_ratio_is_taken_out_of_its_pictures():
     np.testing.assert_allclose(shown, CAMERA.response.decode(np.array([120 / 255.0])) / ratio, rtol=0.01)
 
 
+def test_a_sessions_error_holds_that_of_its_diffuse_method():
+    faces = np.where(fastibl.texel_directions(16)[..., :1] > 0.6, 9.0, 0.5) * np.ones(3)
+    session = fastibl.Session(
+        ball(), RIG, environment=fastibl.CubeMap(faces), methods={"diffuse": "six-face", "glossy": "mip"}, error=0
+    )
+    result = session.process(given())
+    method = result.lighting.methods["diffuse"].error
+    assert method > 0.02
+    assert result.predicted_error == pytest.approx(np.hypot(result.environment.predicted_error, method))
+
+
 def test_timings_and_passes():
     session = fastibl.Session(ball(), RIG, environment=WHITE)
     result = session.process(given())

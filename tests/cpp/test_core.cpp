@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "fastibl/capture/flicker_watch.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/parse_number.h"
 #include "fastibl/core/plane_motion.h"
@@ -263,5 +264,31 @@ TEST_CASE("loops of more indices than two of their blocks can count") {
     parallel_for(std::numeric_limits<int>::max(), grain,
                  [&](int begin, int end) { seen += std::int64_t{end} - begin; });
     CHECK(seen == std::numeric_limits<int>::max());
+  }
+}
+
+TEST_CASE("flicker is told by pictures of three seconds") {
+  // Six pictures of a lamp that swings by a tenth, and another one.
+  const auto seen = [](double apart) {
+    FlickerWatch watch;
+    FlickerWatch::Levelled levelled;
+    bool any = false;
+    for (int k = 0; k < 7; ++k)
+      any |= watch.watch(1, k % 2 ? 0.1 : -0.1, 0.001, k * apart, levelled);
+    return any;
+  };
+  CHECK(seen(0.1));
+  CHECK(seen(0.7));
+  CHECK_FALSE(seen(0.8));  // four of them are no swing
+}
+
+TEST_CASE("an update of tiles gives these a new version, and others none") {
+  CubeMap map(64);
+  const std::vector<std::uint64_t> before(map.tile_versions().begin(), map.tile_versions().end());
+  const std::array changed = {3, 7};
+  map.update(changed);
+  for (int tile = 0; tile < map.tiles().count(); ++tile) {
+    CAPTURE(tile);
+    CHECK((map.tile_version(tile) != before[std::size_t(tile)]) == (tile == 3 || tile == 7));
   }
 }
