@@ -246,6 +246,16 @@ def test_what_changes_in_a_part_of_the_picture_comes_at_once():
     assert capture.add(shown, CAMERA, pose, 0.8, time).how == "told"
 
 
+def test_an_exposure_is_not_read_from_what_is_masked():
+    capture, time = warmed()
+    pose, mask = looking_at(0.3), np.zeros((120, 160), bool)
+    mask[:, :60] = True
+    shown = picture(pose, 0.8)
+    shown[:, 60:] = picture(pose, 0.16)[:, 60:]  # something that shades most of it
+    taken = capture.add(shown, CAMERA, pose, None, time, mask=mask)
+    assert taken.how == "estimated" and taken.exposure == pytest.approx(0.8, rel=0.02)
+
+
 def test_black_pictures_are_left_out():
     capture, time = warmed()
     pose, before = looking_at(0.3), capture.environment().radiance.faces.copy()

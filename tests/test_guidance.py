@@ -45,6 +45,18 @@ def test_a_few_texels_are_not_worth_a_turn():
     assert found.direction is None and found.share == 0 and str(found) == "all of the sky was seen"
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_of_two_places_alike_it_points_at_the_nearer_one(side):
+    around, pose = fastibl.Camera.equirectangular(256, 128), looking((0, 1, 0), EYE)
+    columns, rows = np.meshgrid(np.arange(256) + 0.5, np.arange(128) + 0.5)
+    rays = around.unproject(np.stack([columns, rows], axis=-1)) @ pose.rotation
+    mask = np.abs(rays[..., 0]) + 0.85 * rays[..., 2] < 1.17  # all but a circle at each side
+    capture = fastibl.Capture(size=32)
+    capture.add(np.full((128, 256, 3), 99, np.uint8), around, pose, mask=mask)
+    found = fastibl.guide(capture.environment(), CAMERA, looking((side, 0.2, 0.3), EYE))
+    assert found.direction[0] * side > 0.5 and abs(found.right) < 30
+
+
 def test_following_it_sees_the_whole_sky():
     capture, pose, turns = fastibl.Capture(size=64), looking((1, 0, 0.4), EYE), 0
     while turns < 40:

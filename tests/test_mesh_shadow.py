@@ -319,6 +319,18 @@ def test_turned_object_needs_no_new_bake(angle):
     assert np.sqrt((off**2).mean()) < 0.012 and np.abs(off).max() < 0.25
 
 
+def test_an_object_beside_its_origin_turns_around_it():
+    mesh, angle, shift = turned(table(), 0.0, (1.5, 0.6)), 2.0, (0.7, -0.4)
+    cube = fastibl.CubeMap(sky(10, sigma=0.7).faces + lamp((1, 0.2, 1.2), strength=300)[0].faces)
+    shadow = MeshShadow(mesh, 64, cache=False)
+    moved = shadow.cast(cube, pose(angle, (*shift, 0)))
+    again = MeshShadow(turned(mesh, angle, shift), 64, extent=shadow.extent, cache=False).cast(cube)
+    points = again.centre + again.extent * np.random.default_rng(0).uniform(-0.6, 0.6, (500, 2))
+    off = moved.sample(points) - again.sample(points)
+    print(f"beside its origin: RMS {np.sqrt((off**2).mean()):.4f}, darkest {again.sample(points).min():.3f}")
+    assert np.sqrt((off**2).mean()) < 0.02 and again.sample(points).min() < 0.5
+
+
 def test_shifted_object_is_the_same_image():
     shadow, cube = MeshShadow(table(), GRID, cache=False), sky(11, sigma=2)
     a, b = shadow.cast(cube), shadow.cast(cube, pose(0, (3.0, -2.0, 0)))

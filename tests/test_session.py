@@ -528,6 +528,8 @@ def test_the_paper_goes_on_whatever_exposures_are_told(told):
     assert len(took) >= 4 and max(np.diff([*took, 25.5])) <= 8.0
     if told in ("constant", "untold"):
         assert took == [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
+    if told == "drifting":
+        assert took == [0.0, 8.0, 16.0, 24.0]
 
 
 def test_the_paper_does_not_wait_after_a_front_picture_that_was_left_out():
