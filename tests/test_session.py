@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_gl import needs_gl
 
 import fastibl
 from conftest import same_error
@@ -133,10 +134,11 @@ def test_bytes_are_untouched_where_nothing_is():
     np.testing.assert_array_equal(none.process(given()).image, BACK)
 
 
-def test_what_lies_behind_the_camera_casts_no_shadow_on_the_sky():
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
+def test_what_lies_behind_the_camera_casts_no_shadow_on_the_sky(backend):
     """Rays that ascend meet the plane behind the eye, where the shadow is."""
     pose = fastibl.Pose.look_at((0, -0.12, 0.05), (0, -1, 0.051))
-    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    session = fastibl.Session(ball(), RIG, environment=WHITE, backend=backend)
     np.testing.assert_array_equal(session.process(fastibl.Frame(0.0, back=BACK, back_from_marker=pose)).image, BACK)
     assert session.shadow_map.reach > 0.2, "the camera stands outside of the shadow's map"
 
