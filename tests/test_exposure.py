@@ -98,6 +98,26 @@ def test_a_change_of_all_the_light_is_believed_when_it_stays():
     np.testing.assert_allclose(capture.environment().radiance.sample(ray), 0.3 * PLACE.sample(ray), rtol=0.1)
 
 
+def test_a_change_is_believed_by_four_pictures_however_far_apart():
+    capture, begin = warmed()
+    half = fastibl.CubeMap(PLACE.faces * np.float32(0.5))
+    shown = [capture.add(picture(looking_at(0.3), 0.8, light=half), CAMERA, looking_at(0.3), 0.8, begin + k).how
+             for k in range(5)]  # fmt: skip
+    assert shown == ["corrected"] * 3 + ["told"] * 2
+
+
+def test_what_was_seen_before_the_light_changed_is_as_unsure_as_it_changed():
+    capture, begin = warmed()
+    before, half = np.array(capture.environment().confidence), fastibl.CubeMap(PLACE.faces * np.float32(0.5))
+    for k in range(12):
+        capture.add(picture(looking_at(0.3), 0.8, light=half), CAMERA, looking_at(0.3), 0.8, begin + k / 15)
+    old = (before > 0.5) & (capture.last_seen < begin)
+    variance = [0.1**2 * (1 / np.asarray(c)[old] - 1) for c in (before, capture.environment().confidence)]
+    added = np.median(variance[1] - variance[0])
+    print(f"{old.sum()} texels: relative variance {added:.3f} more, ln(2)^2 is {np.log(2) ** 2:.3f}")
+    assert old.sum() > 500 and added == pytest.approx(np.log(2) ** 2, rel=0.05)
+
+
 def turned(strength, tag, turns=2):
     """Brackets of a camera that turns by 57 degrees a second, up and down: the error of what it saw in the end."""
     capture, how = Capture(size=64, doubt_exposures=True), []
@@ -174,7 +194,7 @@ def test_a_scale_is_mended_by_as_much_of_the_sky_as_was_seen():
     pose = board_pictures.look_at(20, 0.45, 40)
     page = board_pictures.render(board, camera, pose)
     for k in range(3):
-        capture.add(page, camera, pose, 1.0, 1.0 + 0.2 * k)
+        capture.add(page, camera, pose, 1.0, 0.51 + 0.11 * k)
     environment, sky = capture.environment(), fastibl.texel_directions(32)[..., 2] > 0.02
     seen = np.isfinite(capture.last_seen) & sky
     shown, expected = np.median(environment.radiance.faces[seen]), np.mean(environment.plane_irradiance) / np.pi

@@ -143,6 +143,22 @@ def test_what_lies_behind_the_camera_casts_no_shadow_on_the_sky(backend):
     assert session.shadow_map.reach > 0.2, "the camera stands outside of the shadow's map"
 
 
+@needs_gl
+def test_both_back_ends_draw_the_outer_part_of_a_long_shadow():
+    directions, sun = fastibl.texel_directions(32), np.array([1, 0.3, 0.22]) / np.linalg.norm([1, 0.3, 0.22])
+    faces = np.full((6, 32, 32, 3), 0.3)
+    faces[directions @ sun > np.cos(0.1)] = 300
+    pose, shown = fastibl.Pose.look_at((-1.5, -0.6, 1.2), (-0.5, -0.15, 0)), []
+    for backend in ("cpu", "gl"):
+        methods = {"shadow": "directions", "diffuse": "sh9", "glossy": "mip"}
+        session = fastibl.Session(
+            ball(), RIG, environment=fastibl.CubeMap(faces), backend=backend, methods=methods, error=0
+        )
+        shown.append(session.process(fastibl.Frame(0.0, back=BACK, back_from_marker=pose)).image.astype(int))
+        assert session.shadow_map.outer.min() < 0.1 and session.shadow_map.reach > 4 * session.shadow_map.extent
+    assert (shown[0] != BACK).any(-1).sum() > 100 and np.abs(shown[1] - shown[0]).max() <= 1
+
+
 @pytest.mark.parametrize("kind", ["uint8", "uint16", "float"])
 def test_pictures_of_any_kind(kind):
     response = CAMERA.response
