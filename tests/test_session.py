@@ -135,12 +135,28 @@ def test_bytes_are_untouched_where_nothing_is():
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
-def test_what_lies_behind_the_camera_casts_no_shadow_on_the_sky(backend):
-    """Rays that ascend meet the plane behind the eye, where the shadow is."""
-    pose = fastibl.Pose.look_at((0, -0.12, 0.05), (0, -1, 0.051))
+@pytest.mark.parametrize("height", [0.05, -0.05])
+def test_what_lies_behind_the_camera_casts_no_shadow_on_the_sky(backend, height):
+    """Rays that ascend meet the plane behind the eye, where the shadow is; those that descend do from below it."""
+    pose = fastibl.Pose.look_at((0, -0.12, height), (0, -1, height + 0.001))
     session = fastibl.Session(ball(), RIG, environment=WHITE, backend=backend)
     np.testing.assert_array_equal(session.process(fastibl.Frame(0.0, back=BACK, back_from_marker=pose)).image, BACK)
     assert session.shadow_map.reach > 0.2, "the camera stands outside of the shadow's map"
+
+
+@needs_gl
+def test_both_back_ends_draw_what_is_nearly_matte(marked):
+    """Exponents below 1 lie between the irradiance and the chain's last lobe."""
+    material, layers = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.8, 0.8), exponent=0.4), []
+    for backend in ("cpu", "gl"):
+        methods = {"diffuse": "sh9", "glossy": "centroid"}
+        session = fastibl.Session(
+            ball(material), RIG, environment=marked, backend=backend, methods=methods, error=0, cast_shadow=False
+        )
+        session.process(given())
+        layers.append(sheet(session.object))
+    assert layers[0][..., :3].max() > 0.1
+    assert np.abs(layers[1] - layers[0]).max() < 0.02 * layers[0].max()
 
 
 @needs_gl
