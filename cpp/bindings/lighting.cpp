@@ -4,7 +4,7 @@
 #include "bindings/numpy.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
-#include "fastibl/lighting/fit_glossy_chain.h"
+#include "fastibl/lighting/dominant_lights.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/harmonic_sums.h"
@@ -44,74 +44,44 @@ std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
           }};
 }
 
-bool own_lights(const Lighting& lighting) {
-  return lighting.chain && (lighting.chain->most_lights > 0 || !lighting.chain->lights.empty());
-}
-
-// The map on faces of 64² without its lights.
-CubeMap map_without_lights(const Lighting& lighting) {
-  const CubeLevel source = working_level(*lighting.radiance);
-  const auto chain =
-      own_lights(lighting)
-          ? lighting.chain
-          : fit_glossy_chain(lighting.radiance, source, find_lights(*lighting.radiance, source));
-  const CubeLevel left = without_lights(source, chain->taken);
-  std::vector<glm::vec3> faces;
-  for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < left.size(); ++y)
-      for (int x = 0; x < left.size(); ++x) faces.push_back(left.texel(f, x, y));
-  return CubeMap(left.size(), faces);
-}
-
-// A light and its position.
-struct PlacedLight : Light {
-  std::optional<glm::vec3> position;
-  bool operator==(const PlacedLight&) const = default;
-};
-
-PlacedLight placed(const Light& light, const NearLights& near_lights) {
-  const float inverse = near_lights.inverse_distance(light.direction);
-  return {light, near_lights.position(light.direction, inverse)};
-}
-
 void bind_light(py::module_& module) {
-  py::class_<PlacedLight>(module, "Light",
-                          "A small bright part of a map: a disc of equal radiance.")
+  py::class_<DominantLight>(module, "Light",
+                            "A small bright part of a map: a disc of equal radiance.")
       .def_property_readonly(
-          "direction", [](const PlacedLight& l) { return triple(l.direction); },
+          "direction", [](const DominantLight& l) { return triple(l.direction); },
           "Direction towards the light, unit length, marker frame.")
       .def_property_readonly(
-          "angular_radius", [](const PlacedLight& l) { return l.angular_radius; }, "Radians.")
+          "angular_radius", [](const DominantLight& l) { return l.angular_radius; }, "Radians.")
       .def_property_readonly(
           "position",
-          [](const PlacedLight& l) -> py::object {
+          [](const DominantLight& l) -> py::object {
             return l.position ? py::object(triple(*l.position)) : py::none();
           },
           "Position of a near light in metres, marker frame; None for a light that is, or may be, "
           "distant.")
       .def_property_readonly(
-          "irradiance", [](const PlacedLight& l) { return triple(l.irradiance); },
+          "irradiance", [](const DominantLight& l) { return triple(l.irradiance); },
           "Irradiance on a surface that faces the light, RGB.")
       .def_property_readonly(
-          "flux", [](const PlacedLight& l) { return triple(l.flux); },
+          "flux", [](const DominantLight& l) { return triple(l.flux); },
           "RGB: radiance summed over its solid angle.")
       .def(py::self == py::self)
       .def(py::pickle(
-          [](const PlacedLight& l) {
+          [](const DominantLight& l) {
             return py::make_tuple(triple(l.direction), l.angular_radius, triple(l.irradiance),
                                   triple(l.flux), triple(l.window), l.strength,
                                   l.position ? py::object(triple(*l.position)) : py::none());
           },
           [](const py::tuple& t) {
             const auto vector = [&](std::size_t k) { return require_triple(t[k], "light"); };
-            PlacedLight l;
+            DominantLight l;
             l.direction = vector(0), l.angular_radius = t[1].cast<float>();
             l.irradiance = vector(2), l.flux = vector(3), l.window = vector(4);
             l.strength = t[5].cast<float>();
             if (!t[6].is_none()) l.position = vector(6);
             return l;
           }))
-      .def("__repr__", [](const PlacedLight& l) {
+      .def("__repr__", [](const DominantLight& l) {
         return "Light(direction=" + std::string(py::str(triple(l.direction))) +
                ", angular_radius=" + std::to_string(l.angular_radius) +
                ", irradiance=" + std::string(py::str(triple(l.irradiance))) + ")";
@@ -235,25 +205,17 @@ size: texels along a face. source: at most this many texels along a face of the 
 summed; nMAE over seven real maps, median and worst: 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Raises
 ValueError for sizes outside 1 to 256.)")
       .def_property_readonly(
-          "lights",
-          [](const Lighting& lighting) {
-            std::vector<PlacedLight> lights;
-            const NearLights& near_lights = lighting.near_lights;
-            if (own_lights(lighting)) {
-              for (const Light& l : lighting.chain->lights)
-                lights.push_back(placed(l, near_lights));
-              return lights;
-            }
-            for (const FoundLight& found :
-                 find_lights(*lighting.radiance, working_level(*lighting.radiance)))
-              lights.push_back(placed(found.light, near_lights));
-            return lights;
-          },
+          "lights", &dominant_lights,
           "The dominant lights of the map, at most 8: list of Light. Glossy methods with lights "
           "shade them separately; the rest of the map and the lights together hold every photon "
           "once.")
-      .def_property_readonly("_without_lights", &map_without_lights,
-                             "CubeMap of 64 squared texels: the map without its lights.")
+      .def_property_readonly(
+          "_without_lights",
+          [](const Lighting& lighting) {
+            const py::gil_scoped_release release;
+            return without_lights(lighting);
+          },
+          "CubeMap: the map without its lights.")
       .def_property_readonly(
           "plane_irradiance", [](const Lighting& l) { return triple(l.plane_irradiance); },
           "Irradiance E(z) on the marker plane, RGB, summed over the map.")

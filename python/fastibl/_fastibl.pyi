@@ -872,7 +872,7 @@ class _Lighting:
     @property
     def _without_lights(self) -> CubeMap:
         """
-        CubeMap of 64 squared texels: the map without its lights.
+        CubeMap: the map without its lights.
         """
     @property
     def lights(self) -> list[Light]:

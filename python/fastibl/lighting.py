@@ -6,9 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ._fastibl import (
     CubeMap,
     Environment,
@@ -19,7 +16,6 @@ from ._fastibl import (
     _method_settings,
     _Methods,
     _prefilter,
-    texel_solid_angles,
 )
 from .axes import radiance_of
 from .expected import expect
@@ -244,48 +240,5 @@ def without_lights(cube: CubeMap | Environment) -> tuple[CubeMap, list[Light]]:
     four times its mean radiance. The returned map has the same size where that is 64, 128, 256, ... texels along a
     face, otherwise 64. Raises TypeError for what is not a map.
     """
-    radiance = radiance_of(cube)
     lighting = Lighting(cube)
-    left = lighting._without_lights
-    pieces = radiance.size // left.size
-    if pieces < 2 or pieces * left.size != radiance.size or pieces & (pieces - 1):
-        return left, lighting.lights
-    return CubeMap(_cut(radiance.faces, left.faces)), lighting.lights
-
-
-def _cut(faces: NDArray[np.float32], left: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Faces, cut so that the light in each texel of a coarser map is what is left there: the brightest pieces are cut
-    first."""
-    n, pieces = left.shape[1], faces.shape[1] // left.shape[1]
-    blocks = _blocks(faces.astype(np.float64), pieces)  # (6, n, n, pieces^2, 3)
-    angles = _blocks(np.broadcast_to(texel_solid_angles(n * pieces), faces.shape[:3])[..., None], pieces)
-    light = (blocks * angles).sum(axis=3)
-    kept = left * angles.sum(axis=3)
-    touched = (kept < (1 - 1e-6) * light).any(axis=-1)  # by more than the rounding of sums in float32
-    inside, angles = blocks[touched], angles[touched][..., 0]
-    value = inside.mean(axis=-1)
-    ceiling = _ceiling(value, angles, kept[touched].mean(axis=-1))[:, None]
-    inside *= np.minimum(1, ceiling / np.maximum(value, 1e-30))[..., None]
-    # The pieces differ in colour: each channel keeps its own light.
-    held = (inside * angles[..., None]).sum(axis=1)
-    inside *= (kept[touched] / np.maximum(held, 1e-30))[:, None]
-    blocks[touched] = inside
-    whole = blocks.reshape(6, n, n, pieces, pieces, 3).swapaxes(2, 3)
-    return whole.reshape(faces.shape).astype(np.float32)
-
-
-def _blocks(values: NDArray[Any], pieces: int) -> NDArray[Any]:
-    """(6, n, n, pieces^2, c) from (6, n pieces, n pieces, c)."""
-    n, channels = values.shape[1] // pieces, values.shape[3]
-    return values.reshape(6, n, pieces, n, pieces, channels).swapaxes(2, 3).reshape(6, n, n, pieces**2, channels)
-
-
-def _ceiling(values: NDArray[np.float64], weights: NDArray[np.float64], sums: NDArray[np.float64]) -> NDArray[Any]:
-    """For each row of values (m, k), the c at which the weighted sum of min(value, c) equals the row's sum."""
-    order = np.argsort(values, axis=1)
-    v, w = np.take_along_axis(values, order, 1), np.take_along_axis(weights, order, 1)
-    below = np.cumsum(v * w, axis=1) - v * w
-    above = np.cumsum(w[:, ::-1], axis=1)[:, ::-1]
-    reached = (below + v * above >= sums[:, None]).argmax(axis=1)  # the first value that is cut
-    row = np.arange(len(v))
-    return (sums - below[row, reached]) / above[row, reached]
+    return lighting._without_lights, lighting.lights
