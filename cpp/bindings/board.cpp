@@ -24,8 +24,7 @@ Doubles corners_of(const Tag& tag) {
 
 int tag_id(const py::object& id) {
   if (!PyIndex_Check(id.ptr()))
-    throw py::type_error("a tag's id must be a whole number, got " +
-                         std::string(py::str(py::type::handle_of(id).attr("__name__"))));
+    throw py::type_error("a tag's id must be a whole number, got " + type_name(id));
   const Py_ssize_t value = PyNumber_AsSsize_t(id.ptr(), PyExc_ValueError);
   if (value == -1 && PyErr_Occurred()) throw py::error_already_set();
   return int(std::clamp<Py_ssize_t>(value, -1, std::numeric_limits<int>::max()));
@@ -36,8 +35,7 @@ Board board_from(const py::sequence& tags, double width, double height, int bord
   board.border_bits = border_bits, board.width = width, board.height = height;
   for (const py::handle item : tags) {
     if (!py::isinstance<py::sequence>(item) || py::len(item) != 2)
-      throw py::type_error("a tag must be (id, corners), got " +
-                           std::string(py::str(py::type::handle_of(item).attr("__name__"))));
+      throw py::type_error("a tag must be (id, corners), got " + type_name(item));
     const auto pair = py::reinterpret_borrow<py::sequence>(item);
     const Doubles c = require_floats<double>(py::object(pair[1]), "corners");
     if (c.ndim() != 2 || c.shape(0) != 4 || c.shape(1) != 2)

@@ -36,8 +36,7 @@ inline std::vector<DetectedTag> require_tags(const py::handle& object) {
       continue;
     }
     if (!py::isinstance<py::sequence>(item) || py::len(item) != 2)
-      throw py::type_error("a detected tag must be (id, corners), got " +
-                           std::string(py::str(py::type::handle_of(item).attr("__name__"))));
+      throw py::type_error("a detected tag must be (id, corners), got " + type_name(item));
     const auto pair = py::reinterpret_borrow<py::sequence>(item);
     tags.push_back({py::int_(py::object(pair[0])).cast<int>(),
                     require_corners(py::object(pair[1]), "corners of a detected tag")});
@@ -50,8 +49,7 @@ inline std::vector<DetectedTag> require_tags(const py::handle& object) {
 // Tag.corners, start camera_from_marker as Pose or (4, 4), or None. What it raises passes through.
 inline Detector make_detector(py::object callable) {
   if (!PyCallable_Check(callable.ptr()))
-    throw py::type_error("a detector must be callable, got " +
-                         std::string(py::str(py::type::handle_of(callable).attr("__name__"))));
+    throw py::type_error("a detector must be callable, got " + type_name(callable));
   // Copies of the Detector may be dropped on threads without the GIL.
   const std::shared_ptr<py::object> shared(new py::object(std::move(callable)), [](py::object* o) {
     const py::gil_scoped_acquire gil;
@@ -66,8 +64,7 @@ inline Detector make_detector(py::object callable) {
     view.attr("setflags")(py::arg("write") = false);
     const py::object found = (*shared)(view, board, camera);
     if (!py::isinstance<py::sequence>(found) || py::len(found) != 2)
-      throw py::type_error("a detector must return (tags, start), got " +
-                           std::string(py::str(py::type::handle_of(found).attr("__name__"))));
+      throw py::type_error("a detector must return (tags, start), got " + type_name(found));
     const auto pair = py::reinterpret_borrow<py::sequence>(found);
     Detection detection{require_tags(py::object(pair[0])), std::nullopt};
     const py::object start = pair[1];

@@ -51,7 +51,7 @@ SurfaceTexture::Wraps wraps_of(const py::object& wrap) {
   const auto one = [](const py::handle& mode) {
     if (!py::isinstance<py::str>(mode))
       throw py::type_error("wrap must be repeat, clamp or mirror, or two of them, got " +
-                           std::string(py::str(py::type::handle_of(mode).attr("__name__"))));
+                           type_name(mode));
     return wrap_mode(mode.cast<std::string>());
   };
   if (!py::isinstance<py::tuple>(wrap) && !py::isinstance<py::list>(wrap))
@@ -96,8 +96,7 @@ void set_number(const py::object& value, const char* name, float& constant,
                       py::hasattr(value, "__float__");
   if (!number || py::isinstance<py::str>(value))
     throw py::type_error(std::string(name) +
-                         " must be a number or a texture (height, width), got " +
-                         std::string(py::str(py::type::handle_of(value).attr("__name__"))));
+                         " must be a number or a texture (height, width), got " + type_name(value));
   constant = py::float_(value).cast<float>();
 }
 
@@ -129,7 +128,7 @@ Material pbr(const py::object& base_color, const py::object& metallic, const py:
   if (!normal.is_none()) {
     if (!py::isinstance<py::array>(normal))
       throw py::type_error("normal must be a texture (height, width, 3) or None, got " +
-                           std::string(py::str(py::type::handle_of(normal).attr("__name__"))));
+                           type_name(normal));
     m.normal_map = texture(normal, "normal", 3, Coding::normal, wraps);
   }
   m.anisotropy = anisotropy, m.anisotropy_rotation = anisotropy_rotation;

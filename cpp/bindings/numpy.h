@@ -23,6 +23,9 @@ using Floats = py::array_t<float, py::array::c_style>;
 using Doubles = py::array_t<double, py::array::c_style>;
 
 inline std::string shape_of(const py::array& array) { return py::str(array.attr("shape")); }
+inline std::string type_name(const py::handle& object) {
+  return py::str(py::type::handle_of(object).attr("__name__"));
+}
 
 // Whether this is a Python number, or a NumPy number of any type.
 inline bool is_number(const py::object& object) {
@@ -36,7 +39,7 @@ inline py::array require_array(const py::object& object, const char* name) {
   if (!py::isinstance<py::array>(object)) {
     if (!py::isinstance<py::sequence>(object) || py::isinstance<py::str>(object))
       throw py::type_error(std::string(name) + " must be an array of floats, got " +
-                           std::string(py::str(py::type::handle_of(object).attr("__name__"))));
+                           type_name(object));
     // Lists and tuples are small and typed by hand: whole numbers in them are meant as floats.
     py::array array = py::array::ensure(object);
     if (!array) {
@@ -147,7 +150,7 @@ inline Floats broadcast_floats(const py::object& value, const char* name,
 inline Picture require_picture(const py::object& object, const char* name, py::array& keep) {
   if (!py::isinstance<py::array>(object))
     throw py::type_error(std::string(name) + " must be an array (height, width, 3), got " +
-                         std::string(py::str(py::type::handle_of(object).attr("__name__"))));
+                         type_name(object));
   py::array array = py::reinterpret_borrow<py::array>(object);
   const char kind = array.dtype().kind();
   const auto size = array.dtype().itemsize();

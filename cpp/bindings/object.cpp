@@ -115,9 +115,8 @@ Session.set_material. Raises ValueError for textures on a mesh without uvs.)")
             const py::object baked =
                 py::hasattr(given, "baked") ? py::object(given.attr("baked")) : given;
             if (!baked.is_none() && !py::isinstance<MeshShadow>(baked))
-              throw py::type_error(
-                  "baked_shadow must be a MeshShadow or None, got " +
-                  std::string(py::str(py::type::handle_of(baked).attr("__name__"))));
+              throw py::type_error("baked_shadow must be a MeshShadow or None, got " +
+                                   type_name(baked));
             s.baked_shadow = baked.cast<std::shared_ptr<MeshShadow>>();
           },
           R"(How the mesh hides the sky, for the shadow method "mesh": None, or a MeshShadow of `mesh` that you set.
