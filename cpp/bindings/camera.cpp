@@ -25,9 +25,7 @@ void with_lens(const Camera& camera, Use use) {
     use(WideLens(camera));
 }
 
-}  // namespace
-
-void bind_camera(py::module_& module) {
+void bind_response(py::module_& module) {
   py::class_<Response>(module, "Response",
                        "A camera's response: encoded = response(linear), white at 1.")
       .def_static("srgb", &Response::srgb, "The sRGB curve.")
@@ -92,24 +90,10 @@ void bind_camera(py::module_& module) {
       .def(
           py::pickle([](const Response& r) { return py::make_tuple(r.curve); },
                      [](const py::tuple& t) { return Response{t[0].cast<std::vector<float>>()}; }));
+}
 
-  py::class_<Camera>(
-      module, "Camera",
-      R"(A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
-
-width, height: pixels.
-fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv).
-distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]].
-response: Response, with encoded = response(exposure * gain * vignetting * radiance).
-vignetting: v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length.
-readout: seconds from a picture's first row to its last: row r is exposed around time + r / height * readout.
-model: "perspective"; "fisheye" (Kannala and Brandt 2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or
-"equirectangular" (longitude fx to the right and latitude fy downwards, pixels a radian; see equirectangular()).
-The last two can only measure light, as a rig's front camera or in Capture: tracking boards and drawing objects need
-perspective pictures.
-field_of_view: degrees across a fisheye's circle; what lies outside it, black in most pictures, is ignored; 360 uses all
-that the model reaches.
-Raises ValueError for what is not a camera.)")
+void bind_making(py::class_<Camera>& camera_class) {
+  camera_class
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion, const std::optional<Response>& response,
                        double gain, std::vector<double> vignetting, double readout,
@@ -182,18 +166,11 @@ Raises ValueError for what is not a camera.)")
           "Makes a camera from OpenCV's camera matrix (3, 3), whose pixel centres are whole "
           "numbers; size = (width, height). model: \"perspective\", or \"fisheye\" for a camera "
           "calibrated by cv2.fisheye. Raises ValueError for other shapes, a wrong number of "
-          "coefficients or another model.")
-      .def_property_readonly(
-          "opencv_matrix",
-          [](const Camera& c) {
-            Doubles k({3, 3});
-            std::fill_n(k.mutable_data(), 9, 0.0);
-            k.mutable_at(0, 0) = c.fx, k.mutable_at(1, 1) = c.fy, k.mutable_at(2, 2) = 1;
-            k.mutable_at(0, 2) = c.cx - 0.5, k.mutable_at(1, 2) = c.cy - 0.5;
-            return k;
-          },
-          "Camera matrix (3, 3) float64 in OpenCV's convention.")
-      .def_readonly("width", &Camera::width, "Pixels.")
+          "coefficients or another model.");
+}
+
+void bind_fields(py::class_<Camera>& camera_class) {
+  camera_class.def_readonly("width", &Camera::width, "Pixels.")
       .def_readonly("height", &Camera::height, "Pixels.")
       .def_readonly(
           "fx", &Camera::fx,
@@ -215,7 +192,21 @@ Raises ValueError for what is not a camera.)")
                     "Degrees across a fisheye's circle; 360 means all that its model reaches.")
       .def_property_readonly(
           "vignetting", [](const Camera& c) { return py::tuple(py::cast(c.vignetting)); },
-          "v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in focal lengths; empty for none.")
+          "v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in focal lengths; empty for none.");
+}
+
+void bind_lens(py::class_<Camera>& camera_class) {
+  camera_class
+      .def_property_readonly(
+          "opencv_matrix",
+          [](const Camera& c) {
+            Doubles k({3, 3});
+            std::fill_n(k.mutable_data(), 9, 0.0);
+            k.mutable_at(0, 0) = c.fx, k.mutable_at(1, 1) = c.fy, k.mutable_at(2, 2) = 1;
+            k.mutable_at(0, 2) = c.cx - 0.5, k.mutable_at(1, 2) = c.cy - 0.5;
+            return k;
+          },
+          "Camera matrix (3, 3) float64 in OpenCV's convention.")
       .def(
           "project",
           [](const Camera& camera, const py::object& points) {
@@ -261,8 +252,11 @@ Raises ValueError for what is not a camera.)")
           py::arg("pixels"),
           "Directions (..., 3) float64 through pixels (..., 2): with z = 1 for a perspective "
           "camera, else of unit length; NaN beyond the lens model. Raises ValueError for another "
-          "shape.")
-      .def(py::self == py::self)
+          "shape.");
+}
+
+void bind_value(py::class_<Camera>& camera_class) {
+  camera_class.def(py::self == py::self)
       .def(
           "__repr__",
           [](const Camera& c) {
@@ -317,7 +311,9 @@ Raises ValueError for what is not a camera.)")
                           t.size() > 11 ? CameraModel(t[11].cast<int>()) : CameraModel::perspective,
                           t.size() > 12 ? t[12].cast<double>() : 360};
           }));
+}
 
+void bind_rig(py::module_& module) {
   py::class_<Rig>(module, "Rig",
                   R"(A back camera, and a front camera fixed to it.
 
@@ -346,6 +342,34 @@ for what is not a pose.)")
       .def("__repr__", [](const Rig& r) {
         return std::string("<fastibl.Rig ") + (r.front ? "back and front camera>" : "back camera>");
       });
+}
+
+}  // namespace
+
+void bind_camera(py::module_& module) {
+  bind_response(module);
+  py::class_<Camera> camera_class(
+      module, "Camera",
+      R"(A camera with one of OpenCV's lens models. Frame: x right, y down, z forward.
+
+width, height: pixels.
+fx, fy, cx, cy: pixels, pixel centres at (x + 0.5, y + 0.5) (see from_opencv).
+distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]].
+response: Response, with encoded = response(exposure * gain * vignetting * radiance).
+vignetting: v1, v2, ... of 1 + v1 r^2 + v2 r^4 + ..., r in units of the focal length.
+readout: seconds from a picture's first row to its last: row r is exposed around time + r / height * readout.
+model: "perspective"; "fisheye" (Kannala and Brandt 2006 as in OpenCV, distortion k1 k2 k3 k4 or none); or
+"equirectangular" (longitude fx to the right and latitude fy downwards, pixels a radian; see equirectangular()).
+The last two can only measure light, as a rig's front camera or in Capture: tracking boards and drawing objects need
+perspective pictures.
+field_of_view: degrees across a fisheye's circle; what lies outside it, black in most pictures, is ignored; 360 uses all
+that the model reaches.
+Raises ValueError for what is not a camera.)");
+  bind_making(camera_class);
+  bind_fields(camera_class);
+  bind_lens(camera_class);
+  bind_value(camera_class);
+  bind_rig(module);
 }
 
 }  // namespace fastibl::bindings

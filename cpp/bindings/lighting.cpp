@@ -88,11 +88,8 @@ void bind_light(py::module_& module) {
       });
 }
 
-}  // namespace
-
-void bind_lighting(py::module_& module) {
-  bind_light(module);
-  py::class_<Lighting>(module, "_Lighting")
+void bind_making(py::class_<Lighting>& lighting_class) {
+  lighting_class
       .def(py::init([](const py::object& cube, const std::string& diffuse,
                        const Settings& diffuse_given, const std::string& glossy,
                        const Settings& glossy_given, const Lighting* previous,
@@ -112,7 +109,11 @@ void bind_lighting(py::module_& module) {
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
            py::arg("glossy_settings"), py::arg("previous") = nullptr,
            py::arg("environment") = nullptr)
-      .def(py::init([](const Lighting& other) { return other; }), py::arg("other"))
+      .def(py::init([](const Lighting& other) { return other; }), py::arg("other"));
+}
+
+void bind_look_ups(py::class_<Lighting>& lighting_class) {
+  lighting_class
       .def(
           "irradiance",
           [](const Lighting& lighting, const py::object& normals) {
@@ -172,7 +173,11 @@ or objects.)")
 normals, views: (..., 3) any float dtype, marker frame, broadcast; views run from the surface to the eye.
 exponent: half-vector exponent s >= 0, broadcasts to (...); 0 gives irradiance / pi, infinity the mirror.
 normalization: "energy" (the lobe's average), "paper" (times Eq. 3's directional albedo) or "exact" (the same with
-the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_L + k_G <= 1). Returns (..., 3) float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.)")
+the factor (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)), which conserves energy for k_L + k_G <= 1). Returns (..., 3) float32. Raises ValueError for another shape, a negative or NaN exponent or another name, TypeError for integers.)");
+}
+
+void bind_products(py::class_<Lighting>& lighting_class) {
+  lighting_class
       .def_property_readonly(
           "sh9",
           [](const Lighting& lighting) {
@@ -218,7 +223,11 @@ ValueError for sizes outside 1 to 256.)")
           "CubeMap: the map without its lights.")
       .def_property_readonly(
           "plane_irradiance", [](const Lighting& l) { return triple(l.plane_irradiance); },
-          "Irradiance E(z) on the marker plane, RGB, summed over the map.")
+          "Irradiance E(z) on the marker plane, RGB, summed over the map.");
+}
+
+void bind_settings(py::class_<Lighting>& lighting_class) {
+  lighting_class
       .def_property_readonly(
           "_diffuse", [](const Lighting& l) { return std::string(name(l.irradiance.method)); })
       .def_property_readonly("_diffuse_settings",
@@ -231,6 +240,9 @@ ValueError for sizes outside 1 to 256.)")
       .def_property_readonly("_glossy",
                              [](const Lighting& l) { return std::string(name(l.glossy)); })
       .def_property_readonly("_irradiance_error", &irradiance_error);
+}
+
+void bind_light_times(py::module_& module) {
   module.def(
       "_seconds_to_fit",
       [](const CubeMap& cube, const Lighting& like, bool measure_error, int repetitions) {
@@ -279,6 +291,18 @@ ValueError for sizes outside 1 to 256.)")
       },
       py::arg("cube"), py::arg("size"), py::arg("source"), py::arg("repetitions"),
       "For benchmarks: times of building an irradiance cube in C++.");
+}
+
+}  // namespace
+
+void bind_lighting(py::module_& module) {
+  bind_light(module);
+  py::class_<Lighting> lighting_class(module, "_Lighting");
+  bind_making(lighting_class);
+  bind_look_ups(lighting_class);
+  bind_products(lighting_class);
+  bind_settings(lighting_class);
+  bind_light_times(module);
   module.def(
       "directional_albedo",
       [](const py::object& cos_view, float exponent) {

@@ -16,8 +16,49 @@
 #include "fastibl/scene/rounded_places.h"
 
 namespace fastibl::bindings {
+namespace {
 
-void bind_mesh(py::module_& module) {
+Mesh make_mesh(const py::object& vertices, const py::object& triangles, const py::object& uvs,
+               const py::object& normals, const py::object& colors) {
+  const Floats v = require_vectors(vertices, "vertices");
+  if (v.ndim() != 2) throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
+  const py::array t = py::array::ensure(triangles);
+  if (!t || (t.dtype().kind() != 'i' && t.dtype().kind() != 'u')) {
+    PyErr_Clear();
+    throw py::type_error("triangles must hold integers");
+  }
+  if (t.ndim() != 2 || t.shape(1) != 3)
+    throw py::value_error("triangles must have shape (t, 3), got " + shape_of(t));
+  const auto wide = py::array_t<long long, py::array::c_style | py::array::forcecast>::ensure(t);
+  Mesh mesh;
+  mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
+  for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
+    glm::ivec3 triangle;
+    for (int c = 0; c < 3; ++c)  // an index beyond int is out of range; −1 is reported as such
+      triangle[c] = wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
+    mesh.triangles.push_back(triangle);
+  }
+  if (!uvs.is_none()) {
+    const Floats uv = require_floats<float>(uvs, "uvs");
+    if (uv.ndim() != 2 || uv.shape(1) != 2)
+      throw py::value_error("uvs must have shape (v, 2), got " + shape_of(uv));
+    for (py::ssize_t i = 0; i < uv.shape(0); ++i) mesh.uvs.push_back({uv.at(i, 0), uv.at(i, 1)});
+  }
+  if (!normals.is_none()) {
+    const Floats n = require_vectors(normals, "normals");
+    if (n.ndim() != 2) throw py::value_error("normals must have shape (v, 3), got " + shape_of(n));
+    mesh.normals.assign(vectors(n), vectors(n) + n.shape(0));
+  }
+  if (!colors.is_none()) {
+    const Floats c = require_vectors(colors, "colors");
+    if (c.ndim() != 2) throw py::value_error("colors must have shape (v, 3), got " + shape_of(c));
+    mesh.colors.assign(vectors(c), vectors(c) + c.shape(0));
+  }
+  mesh.validate();
+  return mesh;
+}
+
+void bind_obj(py::module_& module) {
   module.def(
       "_read_obj",
       [](const py::bytes& content, bool uvs, bool colors) -> py::object {
@@ -80,136 +121,9 @@ void bind_mesh(py::module_& module) {
         return out;
       },
       py::arg("corners"));
-  py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
+}
 
-vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
-or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to compute them. colors:
-(v, 3) linear, 0 to 1, or None; they multiply Material.diffuse or the base colour of a pbr material. Raises ValueError
-for wrong shapes, indices or colours out of range, or values that are not finite.)")
-      .def(py::init([](const py::object& vertices, const py::object& triangles,
-                       const py::object& uvs, const py::object& normals, const py::object& colors) {
-             const Floats v = require_vectors(vertices, "vertices");
-             if (v.ndim() != 2)
-               throw py::value_error("vertices must have shape (v, 3), got " + shape_of(v));
-             const py::array t = py::array::ensure(triangles);
-             if (!t || (t.dtype().kind() != 'i' && t.dtype().kind() != 'u')) {
-               PyErr_Clear();
-               throw py::type_error("triangles must hold integers");
-             }
-             if (t.ndim() != 2 || t.shape(1) != 3)
-               throw py::value_error("triangles must have shape (t, 3), got " + shape_of(t));
-             const auto wide =
-                 py::array_t<long long, py::array::c_style | py::array::forcecast>::ensure(t);
-             Mesh mesh;
-             mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
-             for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
-               glm::ivec3 triangle;
-               for (int c = 0; c < 3;
-                    ++c)  // an index beyond int is out of range; −1 is reported as such
-                 triangle[c] =
-                     wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
-               mesh.triangles.push_back(triangle);
-             }
-             if (!uvs.is_none()) {
-               const Floats uv = require_floats<float>(uvs, "uvs");
-               if (uv.ndim() != 2 || uv.shape(1) != 2)
-                 throw py::value_error("uvs must have shape (v, 2), got " + shape_of(uv));
-               for (py::ssize_t i = 0; i < uv.shape(0); ++i)
-                 mesh.uvs.push_back({uv.at(i, 0), uv.at(i, 1)});
-             }
-             if (!normals.is_none()) {
-               const Floats n = require_vectors(normals, "normals");
-               if (n.ndim() != 2)
-                 throw py::value_error("normals must have shape (v, 3), got " + shape_of(n));
-               mesh.normals.assign(vectors(n), vectors(n) + n.shape(0));
-             }
-             if (!colors.is_none()) {
-               const Floats c = require_vectors(colors, "colors");
-               if (c.ndim() != 2)
-                 throw py::value_error("colors must have shape (v, 3), got " + shape_of(c));
-               mesh.colors.assign(vectors(c), vectors(c) + c.shape(0));
-             }
-             mesh.validate();
-             return mesh;
-           }),
-           py::arg("vertices"), py::arg("triangles"), py::arg("uvs") = py::none(),
-           py::arg("normals") = py::none(), py::arg("colors") = py::none())
-      .def_property_readonly(
-          "vertices",
-          [](const Mesh& m) {
-            Floats out({py::ssize_t(m.vertices.size()), py::ssize_t{3}});
-            std::copy(m.vertices.begin(), m.vertices.end(), vectors(out));
-            return out;
-          },
-          "(v, 3) float32 metres, a copy.")
-      .def_property_readonly(
-          "triangles",
-          [](const Mesh& m) {
-            py::array_t<int> out({py::ssize_t(m.triangles.size()), py::ssize_t{3}});
-            std::memcpy(out.mutable_data(), m.triangles.data(),
-                        m.triangles.size() * sizeof(glm::ivec3));
-            return out;
-          },
-          "(t, 3) int32, a copy.")
-      .def_property_readonly(
-          "uvs",
-          [](const Mesh& m) -> py::object {
-            if (m.uvs.empty()) return py::none();
-            Floats out({py::ssize_t(m.uvs.size()), py::ssize_t{2}});
-            std::memcpy(out.mutable_data(), m.uvs.data(), m.uvs.size() * sizeof(glm::vec2));
-            return out;
-          },
-          "(v, 2) float32, a copy, or None.")
-      .def_property_readonly(
-          "colors",
-          [](const Mesh& m) -> py::object {
-            if (m.colors.empty()) return py::none();
-            Floats out({py::ssize_t(m.colors.size()), py::ssize_t{3}});
-            std::copy(m.colors.begin(), m.colors.end(), vectors(out));
-            return out;
-          },
-          "(v, 3) float32, linear, a copy, or None.")
-      .def_property_readonly(
-          "normals",
-          [](const Mesh& m) {
-            const std::vector<glm::vec3> normals = vertex_normals(m);
-            Floats out({py::ssize_t(normals.size()), py::ssize_t{3}});
-            std::copy(normals.begin(), normals.end(), vectors(out));
-            return out;
-          },
-          "(v, 3) float32 unit vertex normals: those given, else computed with weights by angle.")
-      .def_property_readonly(
-          "tangents",
-          [](const Mesh& m) {
-            const std::vector<glm::vec4> tangents = vertex_tangents(m, vertex_normals(m));
-            Floats out({py::ssize_t(tangents.size()), py::ssize_t{4}});
-            std::memcpy(out.mutable_data(), tangents.data(), tangents.size() * sizeof(glm::vec4));
-            return out;
-          },
-          "(v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x "
-          "tangent on which v grows; without uvs, directions around the z axis.")
-      .def_property_readonly("_given_normals",
-                             [](const Mesh& m) -> py::object {
-                               if (m.normals.empty()) return py::none();
-                               Floats out({py::ssize_t(m.normals.size()), py::ssize_t{3}});
-                               std::copy(m.normals.begin(), m.normals.end(), vectors(out));
-                               return out;
-                             })
-      .def(py::self == py::self)
-      .def("__repr__",
-           [](const Mesh& m) {
-             return "<fastibl.Mesh of " + std::to_string(m.vertices.size()) + " vertices, " +
-                    std::to_string(m.triangles.size()) + " triangles>";
-           })
-      .def(py::pickle(
-          [](const py::object& self) {
-            return py::make_tuple(py::object(self.attr("vertices")),
-                                  py::object(self.attr("triangles")), py::object(self.attr("uvs")),
-                                  py::object(self.attr("_given_normals")),
-                                  py::object(self.attr("colors")));
-          },
-          [](const py::tuple& t) { return py::type::of<Mesh>()(*t).cast<Mesh>(); }));
-
+void bind_bvh(py::module_& module) {
   py::class_<Bvh>(module, "Bvh", R"(Ray queries on a mesh. Triangles are two-sided.
 
 mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t is in
@@ -286,6 +200,97 @@ origins may be a single point (3,) for all directions, which is several times fa
           py::arg("origins"), py::arg("directions"), py::arg("t_min") = 0.0f,
           "First hits of the rays (..., 3): triangle index (-1: none), t, and barycentric (u, v) "
           "of its second and third vertex.");
+}
+
+}  // namespace
+
+void bind_mesh(py::module_& module) {
+  bind_obj(module);
+  py::class_<Mesh>(module, "Mesh", R"(Triangle mesh.
+
+vertices: (v, 3) any float dtype, metres. triangles: (t, 3) integers, counter-clockwise from outside. uvs: (v, 2)
+or None; (0, 0) is the lower left corner of a texture, which repeats. normals: (v, 3), or None to compute them. colors:
+(v, 3) linear, 0 to 1, or None; they multiply Material.diffuse or the base colour of a pbr material. Raises ValueError
+for wrong shapes, indices or colours out of range, or values that are not finite.)")
+      .def(py::init(&make_mesh), py::arg("vertices"), py::arg("triangles"),
+           py::arg("uvs") = py::none(), py::arg("normals") = py::none(),
+           py::arg("colors") = py::none())
+      .def_property_readonly(
+          "vertices",
+          [](const Mesh& m) {
+            Floats out({py::ssize_t(m.vertices.size()), py::ssize_t{3}});
+            std::copy(m.vertices.begin(), m.vertices.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32 metres, a copy.")
+      .def_property_readonly(
+          "triangles",
+          [](const Mesh& m) {
+            py::array_t<int> out({py::ssize_t(m.triangles.size()), py::ssize_t{3}});
+            std::memcpy(out.mutable_data(), m.triangles.data(),
+                        m.triangles.size() * sizeof(glm::ivec3));
+            return out;
+          },
+          "(t, 3) int32, a copy.")
+      .def_property_readonly(
+          "uvs",
+          [](const Mesh& m) -> py::object {
+            if (m.uvs.empty()) return py::none();
+            Floats out({py::ssize_t(m.uvs.size()), py::ssize_t{2}});
+            std::memcpy(out.mutable_data(), m.uvs.data(), m.uvs.size() * sizeof(glm::vec2));
+            return out;
+          },
+          "(v, 2) float32, a copy, or None.")
+      .def_property_readonly(
+          "colors",
+          [](const Mesh& m) -> py::object {
+            if (m.colors.empty()) return py::none();
+            Floats out({py::ssize_t(m.colors.size()), py::ssize_t{3}});
+            std::copy(m.colors.begin(), m.colors.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32, linear, a copy, or None.")
+      .def_property_readonly(
+          "normals",
+          [](const Mesh& m) {
+            const std::vector<glm::vec3> normals = vertex_normals(m);
+            Floats out({py::ssize_t(normals.size()), py::ssize_t{3}});
+            std::copy(normals.begin(), normals.end(), vectors(out));
+            return out;
+          },
+          "(v, 3) float32 unit vertex normals: those given, else computed with weights by angle.")
+      .def_property_readonly(
+          "tangents",
+          [](const Mesh& m) {
+            const std::vector<glm::vec4> tangents = vertex_tangents(m, vertex_normals(m));
+            Floats out({py::ssize_t(tangents.size()), py::ssize_t{4}});
+            std::memcpy(out.mutable_data(), tangents.data(), tangents.size() * sizeof(glm::vec4));
+            return out;
+          },
+          "(v, 4) float32: unit direction in which u grows, and the side (1 or -1) of normal x "
+          "tangent on which v grows; without uvs, directions around the z axis.")
+      .def_property_readonly("_given_normals",
+                             [](const Mesh& m) -> py::object {
+                               if (m.normals.empty()) return py::none();
+                               Floats out({py::ssize_t(m.normals.size()), py::ssize_t{3}});
+                               std::copy(m.normals.begin(), m.normals.end(), vectors(out));
+                               return out;
+                             })
+      .def(py::self == py::self)
+      .def("__repr__",
+           [](const Mesh& m) {
+             return "<fastibl.Mesh of " + std::to_string(m.vertices.size()) + " vertices, " +
+                    std::to_string(m.triangles.size()) + " triangles>";
+           })
+      .def(py::pickle(
+          [](const py::object& self) {
+            return py::make_tuple(py::object(self.attr("vertices")),
+                                  py::object(self.attr("triangles")), py::object(self.attr("uvs")),
+                                  py::object(self.attr("_given_normals")),
+                                  py::object(self.attr("colors")));
+          },
+          [](const py::tuple& t) { return py::type::of<Mesh>()(*t).cast<Mesh>(); }));
+  bind_bvh(module);
 }
 
 }  // namespace fastibl::bindings

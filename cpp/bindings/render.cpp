@@ -41,9 +41,7 @@ struct Result {
   Plan plan;
 };
 
-}  // namespace
-
-void bind_render(py::module_& module) {
+void bind_layers(py::module_& module) {
   py::class_<ObjectLayer>(module, "ObjectLayer",
                           "The shaded object before it is laid over the picture.")
       .def_readonly("x", &ObjectLayer::x, "Column of the picture at which the layer begins.")
@@ -79,7 +77,9 @@ picture, before it is encoded and clipped.)")
           [](const py::tuple& t) {
             return PictureLayers{image_from(t[0], 4), image_from(t[1], 3)};
           }));
+}
 
+void bind_result(py::module_& module) {
   py::class_<Result>(module, "FrameResult", "The result of a Session for one frame.")
       .def_property_readonly(
           "image", [](const Result& r) { return image_array(r.frame.image); },
@@ -138,97 +138,98 @@ picture, before it is encoded and clipped.)")
       .def_property_readonly(
           "predicted_error", [](const Result& r) { return r.frame.predicted_error; },
           "Expected relative error of the irradiance.");
+}
 
-  py::class_<Session>(module, "_Session")
-      .def(py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board,
-                       const std::shared_ptr<Environment>& environment, const py::object& detector,
-                       const std::string& backend, const Methods& methods, double error,
-                       double milliseconds, int size, bool cast_shadow, double distance,
-                       const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool doubt_exposures, const std::array<double, 3>& front_ratio,
-                       bool follow_surroundings, const CubeMap* prior, double paper_albedo,
-                       double most_boost, bool adapt, const std::map<std::string, double>& costs,
-                       bool offline) {
-             Detector function;
-             if (!detector.is_none()) function = make_detector(detector);
-             std::unique_ptr<Renderer> renderer = renderer_named(backend);
-             return std::make_unique<Session>(
-                 scene, rig, board, environment, std::move(function), std::move(renderer),
-                 SessionOptions{
-                     .methods = methods,
-                     .error = error,
-                     .milliseconds = milliseconds,
-                     .map_size = size,
-                     .cast_shadow = cast_shadow,
-                     .distance = distance,
-                     .box = room_box(box),
-                     .doubt_exposures = doubt_exposures,
-                     .front_ratio = {front_ratio[0], front_ratio[1], front_ratio[2]},
-                     .follow_surroundings = follow_surroundings,
-                     .prior = prior ? std::make_shared<const CubeMap>(*prior) : nullptr,
-                     .paper_albedo = paper_albedo,
-                     .most_boost = most_boost,
-                     .adapt = adapt,
-                     .costs = costs_from(costs),
-                     .offline = offline});
-           }),
-           py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
-           py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
-           py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-           py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
-           py::arg("follow_surroundings"), py::arg("prior"), py::arg("paper_albedo"),
-           py::arg("most_boost"), py::arg("adapt"), py::arg("costs"), py::arg("offline"))
-      .def(
-          "_process",
-          [](Session& session, double time, const py::object& back, const py::object& front,
-             const std::optional<double>& back_exposure,
-             const std::optional<double>& front_exposure, const py::object& back_from_marker,
-             const py::object& back_last_row, const py::object& attitude) {
-            py::array keep_back, keep_front;
-            Frame frame;
-            frame.time = time, frame.back_exposure = back_exposure,
-            frame.front_exposure = front_exposure;
-            if (!back.is_none()) frame.back = require_picture(back, "back", keep_back);
-            if (!front.is_none()) frame.front = require_picture(front, "front", keep_front);
-            if (!back_from_marker.is_none())
-              frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
-            if (!back_last_row.is_none())
-              frame.back_last_row = require_pose(back_last_row, "back_last_row");
-            if (!attitude.is_none())
-              frame.attitude = require_rotation(attitude, "a frame's attitude");
-            return alone(session, [&] {
-              Result result{session.process(frame), {}, session.plan()};
-              result.shadow = session.shadow_map();
-              return result;
-            });
-          },
-          py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
-          py::arg("front_exposure"), py::arg("back_from_marker"),
-          py::arg("back_last_row") = py::none(), py::arg("attitude") = py::none())
+void bind_making(py::class_<Session>& session_class) {
+  session_class.def(
+      py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board,
+                  const std::shared_ptr<Environment>& environment, const py::object& detector,
+                  const std::string& backend, const Methods& methods, double error,
+                  double milliseconds, int size, bool cast_shadow, double distance,
+                  const std::optional<std::array<std::array<double, 3>, 2>>& box,
+                  bool doubt_exposures, const std::array<double, 3>& front_ratio,
+                  bool follow_surroundings, const CubeMap* prior, double paper_albedo,
+                  double most_boost, bool adapt, const std::map<std::string, double>& costs,
+                  bool offline) {
+        Detector function;
+        if (!detector.is_none()) function = make_detector(detector);
+        std::unique_ptr<Renderer> renderer = renderer_named(backend);
+        return std::make_unique<Session>(
+            scene, rig, board, environment, std::move(function), std::move(renderer),
+            SessionOptions{.methods = methods,
+                           .error = error,
+                           .milliseconds = milliseconds,
+                           .map_size = size,
+                           .cast_shadow = cast_shadow,
+                           .distance = distance,
+                           .box = room_box(box),
+                           .doubt_exposures = doubt_exposures,
+                           .front_ratio = {front_ratio[0], front_ratio[1], front_ratio[2]},
+                           .follow_surroundings = follow_surroundings,
+                           .prior = prior ? std::make_shared<const CubeMap>(*prior) : nullptr,
+                           .paper_albedo = paper_albedo,
+                           .most_boost = most_boost,
+                           .adapt = adapt,
+                           .costs = costs_from(costs),
+                           .offline = offline});
+      }),
+      py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
+      py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
+      py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
+      py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
+      py::arg("follow_surroundings"), py::arg("prior"), py::arg("paper_albedo"),
+      py::arg("most_boost"), py::arg("adapt"), py::arg("costs"), py::arg("offline"));
+}
+
+void bind_process(py::class_<Session>& session_class) {
+  session_class.def(
+      "_process",
+      [](Session& session, double time, const py::object& back, const py::object& front,
+         const std::optional<double>& back_exposure, const std::optional<double>& front_exposure,
+         const py::object& back_from_marker, const py::object& back_last_row,
+         const py::object& attitude) {
+        py::array keep_back, keep_front;
+        Frame frame;
+        frame.time = time, frame.back_exposure = back_exposure,
+        frame.front_exposure = front_exposure;
+        if (!back.is_none()) frame.back = require_picture(back, "back", keep_back);
+        if (!front.is_none()) frame.front = require_picture(front, "front", keep_front);
+        if (!back_from_marker.is_none())
+          frame.back_from_marker = require_pose(back_from_marker, "back_from_marker");
+        if (!back_last_row.is_none())
+          frame.back_last_row = require_pose(back_last_row, "back_last_row");
+        if (!attitude.is_none()) frame.attitude = require_rotation(attitude, "a frame's attitude");
+        return alone(session, [&] {
+          Result result{session.process(frame), {}, session.plan()};
+          result.shadow = session.shadow_map();
+          return result;
+        });
+      },
+      py::arg("time"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),
+      py::arg("front_exposure"), py::arg("back_from_marker"), py::arg("back_last_row") = py::none(),
+      py::arg("attitude") = py::none());
+}
+
+void bind_products(py::class_<Session>& session_class) {
+  session_class
       .def_property_readonly(
           "plan", [](Session& s) { return alone(s, [&] { return Plan(s.plan()); }); },
           "Plan of the next frame, as it stands now; print it to see the costs.")
       .def_property_readonly(
           "scene", [](Session& s) { return alone(s, [&] { return Scene(s.scene()); }); },
           "A copy of the Scene that is drawn: changes to it do not change the session.")
-      .def_property_readonly("shadow_map", [](Session& s) { return alone(s, [&] { return s.shadow_map(); }); },
-                             "ShadowMap of the last frame: .image, .extent.")
+      .def_property_readonly(
+          "shadow_map", [](Session& s) { return alone(s, [&] { return s.shadow_map(); }); },
+          "ShadowMap of the last frame: .image, .extent.")
       .def_property_readonly(
           "plane_gain", [](Session& s) { return alone(s, [&] { return s.plane_gain(); }); },
           R"(ShadowMap by which the plane's picture was multiplied in the last frame.
 
 Its ratio is the shadow's, changed by shadow strength and colour, plus the light that the object sends to the plane
 relative to what the plane gets without the object: it may exceed 1.)")
-      .def(
-          "set_shadow_look",
-          [](Session& s, double strength, const py::object& color) {
-            const ShadowLook look{float(strength), require_triple(color, "color")};
-            alone(s, [&] { s.set_shadow_look(look); });
-          },
-          py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
-          "Draw the shadow with this strength and colour from the next frame on, see "
-          "Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].")
-      .def_property_readonly("object", [](Session& s) { return alone(s, [&] { return s.object(); }); }, "ObjectLayer of the last frame.")
+      .def_property_readonly(
+          "object", [](Session& s) { return alone(s, [&] { return s.object(); }); },
+          "ObjectLayer of the last frame.")
       .def_property_readonly(
           "holdout", [](Session& s) { return alone(s, [&] { return s.holdout(); }); },
           "ObjectLayer of the real objects in front of the virtual one in the last frame: the "
@@ -247,14 +248,24 @@ Without a board in view nothing covers the picture, and the ratio is 1.)")
       .def_property_readonly(
           "device", [](Session& s) { return s.renderer().device(); },
           "The driver's name for the device that draws (GL_RENDERER): a graphics card, or "
-          "\"llvmpipe …\" where Mesa draws in software; \"\" on the CPU back end.")
+          "\"llvmpipe …\" where Mesa draws in software; \"\" on the CPU back end.");
+}
+
+void bind_changes(py::class_<Session>& session_class) {
+  session_class
+      .def(
+          "set_shadow_look",
+          [](Session& s, double strength, const py::object& color) {
+            const ShadowLook look{float(strength), require_triple(color, "color")};
+            alone(s, [&] { s.set_shadow_look(look); });
+          },
+          py::arg("strength") = 1.0, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
+          "Draw the shadow with this strength and colour from the next frame on, see "
+          "Scene.shadow_strength and shadow_color. Raises ValueError for values outside [0, 1].")
       .def(
           "set_material",
-          [](Session& s, const Material& material) {
-            alone(s, [&] { s.set_material(material); });
-          },
-          py::arg("material"),
-           "Use another material from the next frame on.")
+          [](Session& s, const Material& material) { alone(s, [&] { s.set_material(material); }); },
+          py::arg("material"), "Use another material from the next frame on.")
       .def(
           "move",
           [](Session& s, const py::object& pose) {
@@ -275,30 +286,50 @@ Without a board in view nothing covers the picture, and the ratio is 1.)")
       .def(
           "_set_baked_shadow",
           [](Session& s, const std::shared_ptr<MeshShadow>& baked) {
- alone(s, [&] { s.set_baked_shadow(baked); }); },
+            alone(s, [&] { s.set_baked_shadow(baked); });
+          },
           py::arg("baked"))
       .def(
           "_set_environment",
           [](Session& s, const std::shared_ptr<Environment>& e) {
- alone(s, [&] { s.set_environment(e); }); },
+            alone(s, [&] { s.set_environment(e); });
+          },
           py::arg("environment"))
       .def(
           "_set_methods",
           [](Session& s, const Methods& methods) { alone(s, [&] { s.set_methods(methods); }); },
           py::arg("methods"))
       .def(
-          "_set_scene", [](Session& s, const Scene& scene) { alone(s, [&] { s.set_scene(scene); }); },
+          "_set_scene",
+          [](Session& s, const Scene& scene) { alone(s, [&] { s.set_scene(scene); }); },
           py::arg("scene"))
-      .def("set_budgets", [](Session& s, double error, double milliseconds) {
-           alone(s, [&] { s.set_budgets(error, milliseconds); }); }, py::arg("error") = 0.0,
-           py::arg("milliseconds") = 0.0,
-           "Keep to other budgets from the next frame on; 0 means no budget. Raises ValueError for "
-           "values that are negative or not finite.")
+      .def(
+          "set_budgets",
+          [](Session& s, double error, double milliseconds) {
+            alone(s, [&] { s.set_budgets(error, milliseconds); });
+          },
+          py::arg("error") = 0.0, py::arg("milliseconds") = 0.0,
+          "Keep to other budgets from the next frame on; 0 means no budget. Raises ValueError for "
+          "values that are negative or not finite.")
       .def(
           "_set_backend",
           [](Session& s, const std::string& backend) {
- auto renderer = renderer_named(backend); alone(s, [&] { s.set_renderer(std::move(renderer)); }); },
+            auto renderer = renderer_named(backend);
+            alone(s, [&] { s.set_renderer(std::move(renderer)); });
+          },
           py::arg("backend"));
+}
+
+}  // namespace
+
+void bind_render(py::module_& module) {
+  bind_layers(module);
+  bind_result(module);
+  py::class_<Session> session_class(module, "_Session");
+  bind_making(session_class);
+  bind_process(session_class);
+  bind_products(session_class);
+  bind_changes(session_class);
 }
 
 }  // namespace fastibl::bindings
