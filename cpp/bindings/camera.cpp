@@ -4,7 +4,6 @@
 #include <pybind11/stl.h>
 
 #include <limits>
-#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -122,12 +121,8 @@ void bind_making(py::class_<Camera>& camera_class) {
       .def_static(
           "equirectangular",
           [](int width, int height, const std::optional<Response>& response, double gain) {
-            Camera camera;
-            camera.width = width, camera.height = height;
-            camera.fx = 0.5 * width / std::numbers::pi, camera.fy = height / std::numbers::pi;
-            camera.cx = 0.5 * width, camera.cy = 0.5 * height;
+            Camera camera = Camera::equirectangular(width, height);
             camera.response = response.value_or(Response{}), camera.gain = gain;
-            camera.model = CameraModel::equirectangular;
             camera.validate();
             return camera;
           },

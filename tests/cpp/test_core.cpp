@@ -9,6 +9,7 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -20,7 +21,9 @@
 #include "fastibl/core/pose.h"
 #include "fastibl/core/solve.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/scene/camera.h"
 #include "fastibl/scene/response.h"
+#include "fastibl/scene/wide_lens.h"
 
 using namespace fastibl;
 
@@ -130,6 +133,18 @@ TEST_CASE("decoding what is no number gives 0") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   CHECK(Response::srgb().decode(nan) == 0);
   CHECK(Response::gamma(2.2).decode(nan) == 0);
+}
+
+TEST_CASE("a 360° camera sees all directions") {
+  const Camera camera = Camera::equirectangular(400, 200);
+  const WideLens lens(camera);
+  const auto middle = lens.project({0, 0, 2}), right = lens.project({3, 0, 0}),
+             up = lens.project({0, -1, 1e-9});
+  REQUIRE((middle && right && up));
+  CHECK(glm::length(*middle - glm::dvec2(200, 100)) < 1e-9);
+  CHECK(glm::length(*right - glm::dvec2(300, 100)) < 1e-9);
+  CHECK(up->y < 1e-6);
+  CHECK_THROWS_AS(Camera::equirectangular(0, 200), std::invalid_argument);
 }
 
 TEST_CASE("light that is followed does not jump where the method of its irradiance changes") {

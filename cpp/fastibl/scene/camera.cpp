@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "fastibl/core/check.h"
@@ -86,6 +87,16 @@ Camera Camera::from_opencv(int width, int height, double fx, double fy, double c
   camera.width = width, camera.height = height;
   camera.fx = fx, camera.fy = fy, camera.cx = cx + 0.5, camera.cy = cy + 0.5;
   camera.distortion = std::move(distortion), camera.model = model;
+  camera.validate();
+  return camera;
+}
+
+Camera Camera::equirectangular(int width, int height) {
+  Camera camera;
+  camera.width = width, camera.height = height;
+  camera.fx = 0.5 * width / std::numbers::pi, camera.fy = height / std::numbers::pi;
+  camera.cx = 0.5 * width, camera.cy = 0.5 * height;
+  camera.model = CameraModel::equirectangular;
   camera.validate();
   return camera;
 }

@@ -52,6 +52,9 @@ struct Camera {
   static Camera from_opencv(int width, int height, double fx, double fy, double cx, double cy,
                             std::vector<double> distortion = {},
                             CameraModel model = CameraModel::perspective);
+  // A 360° camera that sees all directions, with z in the middle of the picture. Throws
+  // std::invalid_argument for a size below 1.
+  static Camera equirectangular(int width, int height);
 
   // The pixel of a point in the camera frame. It may lie outside the picture. std::nullopt for
   // points behind a perspective camera, or beyond the radius where the lens model stops growing
