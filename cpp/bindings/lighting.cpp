@@ -7,8 +7,8 @@
 #include "fastibl/lighting/dominant_lights.h"
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_lighting.h"
-#include "fastibl/lighting/harmonic_sums.h"
 #include "fastibl/lighting/irradiance_sums.h"
+#include "fastibl/lighting/prefilter.h"
 #include "fastibl/scene/directional_albedo.h"
 #include "fastibl/scene/glossy.h"
 
@@ -181,7 +181,7 @@ void bind_products(py::class_<Lighting>& lighting_class) {
       .def_property_readonly(
           "sh9",
           [](const Lighting& lighting) {
-            const std::array<glm::dvec3, 9> sh = project_sh9(fold(*lighting.radiance, kSumSize));
+            const std::array<glm::dvec3, 9> sh = project_sh9(*lighting.radiance);
             Floats out({9, 3});
             for (int i = 0; i < 9; ++i)
               for (int c = 0; c < 3; ++c) out.mutable_at(i, c) = float(sh[std::size_t(i)][c]);
@@ -192,16 +192,8 @@ void bind_products(py::class_<Lighting>& lighting_class) {
       .def(
           "irradiance_cube",
           [](const Lighting& lighting, int size, int source) {
-            if (size < 1 || size > 256 || source < 1 || source > 256)
-              throw py::value_error("size and source must be from 1 to 256, got " +
-                                    std::to_string(size) + " and " + std::to_string(source));
             const py::gil_scoped_release release;
-            const CubeLevel cube = irradiance_cube(fold(*lighting.radiance, source), size);
-            std::vector<glm::vec3> faces;
-            for (int f = 0; f < 6; ++f)
-              for (int y = 0; y < size; ++y)
-                faces.insert(faces.end(), &cube.texel(f, 0, y), &cube.texel(f, 0, y) + size);
-            return CubeMap(size, faces);
+            return irradiance_cube(*lighting.radiance, size, source);
           },
           py::arg("size") = 16, py::arg("source") = kSumSize,
           R"(CubeMap whose texels hold the irradiance on surfaces facing them: pi for a constant map of radiance 1.

@@ -2,6 +2,7 @@
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -9,6 +10,7 @@
 
 #include "fastibl/lighting/dominant_lights.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/lighting/prefilter.h"
 
 using namespace fastibl;
 
@@ -16,7 +18,7 @@ namespace {
 
 const glm::vec3 kLamp = glm::normalize(glm::vec3(0.2f, -0.4f, 0.8f));
 
-// A speckled map with a lamp 4° wide.
+// A speckled map with a lamp 4° wide, or as wide as texels ask for.
 std::shared_ptr<Environment> room(int size) {
   CubeMap map(size);
   unsigned random = 1;
@@ -29,7 +31,7 @@ std::shared_ptr<Environment> room(int size) {
           speckle[c] = 0.5f + float(random >> 8) / float(1 << 24);
         }
         const glm::vec3 d = glm::normalize(texel_direction(f, x, y, size));
-        const bool lamp = glm::dot(d, kLamp) > std::cos(0.035f);
+        const bool lamp = glm::dot(d, kLamp) > std::cos(std::max(0.035f, 2 / float(size)));
         map.base().texel(f, x, y) = speckle * (lamp ? glm::vec3(300, 200, 100) : glm::vec3(0.1f));
       }
   map.update();
@@ -94,4 +96,27 @@ TEST_CASE("lights whose place is known have it") {
 TEST_CASE("a lighting without a map has no lights to be asked for") {
   CHECK_THROWS_AS(dominant_lights(Lighting()), std::invalid_argument);
   CHECK_THROWS_AS(without_lights(Lighting()), std::invalid_argument);
+}
+
+TEST_CASE("the irradiance cube and the harmonics of a map") {
+  const double pi = 3.14159265358979;
+  const CubeMap white(32, std::vector<glm::vec3>(std::size_t{6} * 32 * 32, glm::vec3(1, 2, 3)));
+  const CubeMap cube = irradiance_cube(white, 8);
+  REQUIRE(cube.size() == 8);
+  CHECK(glm::length(cube.level(0).texel(3, 1, 6) / glm::vec3(1, 2, 3) - float(pi)) < 1e-5f);
+  CHECK(glm::length(project_sh9(white)[0] / glm::dvec3(1, 2, 3) - 0.28209479 * 4 * pi) < 1e-5);
+  // The irradiance of a map by its harmonics is what they give as a method.
+  const auto environment = room(64);
+  const std::array<glm::dvec3, 9> c = project_sh9(environment->radiance);
+  const Lighting lighting = fit_lighting(map_of(environment), {.diffuse = DiffuseMethod::sh9});
+  const glm::dvec3 e = pi * 0.282095 * c[0] + 2 * pi / 3 * 0.488603 * c[2] +
+                       pi / 4 * (0.315392 * 2 * c[6]);  // towards z
+  CHECK(glm::length(e / glm::dvec3(evaluate(lighting.irradiance, glm::vec3(0, 0, 1))) - 1.0) <
+        1e-4);
+  for (const int size : {0, 257}) {
+    CHECK_THROWS_AS(irradiance_cube(white, size), std::invalid_argument);
+    CHECK_THROWS_AS(irradiance_cube(white, 16, size), std::invalid_argument);
+  }
+  CHECK_THROWS_AS(irradiance_cube(CubeMap()), std::invalid_argument);
+  CHECK_THROWS_AS(project_sh9(CubeMap()), std::invalid_argument);
 }

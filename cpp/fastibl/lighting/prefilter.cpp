@@ -5,6 +5,9 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/fit_irradiance.h"
+#include "fastibl/lighting/harmonic_sums.h"
+#include "fastibl/lighting/irradiance_sums.h"
 #include "fastibl/lighting/lobe_quadtree.h"
 #include "fastibl/lighting/lobe_weights.h"
 #include "fastibl/lighting/symmetric_sums.h"
@@ -262,6 +265,21 @@ std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
             ? resized(*map, level.size)
             : convolve(tree, values, {options.model, level.parameter}, level.size, options.error));
   return result;
+}
+
+CubeMap irradiance_cube(const CubeMap& map, int size, int source) {
+  check(map.size() > 0, "an irradiance needs a map");
+  check(size >= 1 && size <= 256 && source >= 1 && source <= 256,
+        "size and source must be from 1 to 256, got ", size, " and ", source);
+  CubeMap cube(size);
+  cube.base() = irradiance_cube(fold(map, source), size);
+  cube.update();
+  return cube;
+}
+
+std::array<glm::dvec3, 9> project_sh9(const CubeMap& map) {
+  check(map.size() > 0, "harmonics need a map");
+  return project_sh9(fold(map, kSumSize));
 }
 
 std::string_view name(LevelMapping mapping) {

@@ -2,6 +2,7 @@
 // lobe summed over the map's solid-angle levels, finely where it matters.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <vector>
@@ -27,6 +28,15 @@ struct PrefilterOptions {
 std::vector<CubeMap> prefilter(std::shared_ptr<const CubeMap> map,
                                std::span<const PrefilterLevel> levels,
                                const PrefilterOptions& options = {});
+
+// The irradiance on surfaces that face the texels of a map of `size`: π for a constant map of
+// radiance 1. The cosine is summed over the level of at most `source` texels along a face: nMAE
+// over seven real maps, median and worst, 0.09 and 0.39 % from 16, 0.014 and 0.07 % from 32. Throws
+// std::invalid_argument for sizes outside of 1 to 256.
+CubeMap irradiance_cube(const CubeMap& map, int size = 16, int source = 32);
+// Radiance coefficients of the first nine harmonics; see project_sh9() of harmonic_sums.h for their
+// order and constants. Times π, 2π/3 and π/4 by order they are those of the irradiance.
+std::array<glm::dvec3, 9> project_sh9(const CubeMap& map);
 
 // Parameters of `count` levels from sharp to wide, as renderers look them up.
 enum class LevelMapping {
