@@ -151,8 +151,24 @@ Raises ValueError for another shape, a value out of range or another name, TypeE
       R"(Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
 
 views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Schlick's Fresnel term the albedo is f0 a + b,
-with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. From a table (Karis 2013). Raises
+with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. By quadrature, within 3e-4. Raises
 ValueError for another shape or values out of range.)");
+  module.def(
+      "dfg_table",
+      [](int size) {
+        Image<float> table;
+        {
+          const py::gil_scoped_release release;
+          table = dfg_table(size);
+        }
+        return image_array(table);
+      },
+      py::arg("size") = 64,
+      R"(The split sum's table (DFG, Karis 2013) for a renderer of one's own: (size, size, 2) float32, a and b of ggx_albedo.
+
+Column i is the cosine of the view to the normal, (i + 0.5) / size; row j is the roughness, (j + 0.5) / size, whose
+square is alpha, at least 0.02: a texture to be looked up at (cosine, roughness), clamped to its edge. The reflectance
+of a prefiltered map is f0 a + b. Raises ValueError for a size outside 1 to 1024.)");
 }
 
 }  // namespace fastibl::bindings

@@ -9,7 +9,7 @@ import numpy.typing
 import typing
 
 from .lighting import Lighting
-__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'PictureLayers', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
+__all__: list[str] = ['BakedShadow', 'Board', 'Bounce', 'Bvh', 'Camera', 'Capture', 'CubeMap', 'DetectedTag', 'DirectionShadow', 'Environment', 'FrameResult', 'Light', 'MainLight', 'Material', 'Mesh', 'MeshShadowLight', 'ObjectLayer', 'PictureLayers', 'Plan', 'PlaneExchange', 'PlannedPass', 'Pose', 'Response', 'Rig', 'Scene', 'SelfShadow', 'ShadowMap', 'Tag', 'Taken', 'Tracked', 'Turned', 'ambient_occlusion', 'cast_shadow', 'cubemap_from_equirect', 'dfg_table', 'directional_albedo', 'due_passes', 'equirect_from_cubemap', 'fit_spheres', 'ggx_albedo', 'light_directions', 'main_lights', 'set_threads', 'shadow_ratio', 'texel_directions', 'texel_solid_angles', 'threads', 'with_gl']
 class Pose:
     """
     Rigid transform, named target_from_source: x_in_target = pose @ x_in_source.
@@ -2116,6 +2116,14 @@ def cubemap_from_equirect(image: typing.Any, size: typing.SupportsInt | typing.S
     image: (height, width, 3) any float dtype, linear radiance; z is at the top, the centre looks along +y, x grows to the
     right. size: face edge in texels. Raises ValueError for another shape or filter, TypeError for integers.
     """
+def dfg_table(size: typing.SupportsInt | typing.SupportsIndex = 64) -> numpy.typing.NDArray[numpy.float32]:
+    """
+    The split sum's table (DFG, Karis 2013) for a renderer of one's own: (size, size, 2) float32, a and b of ggx_albedo.
+
+    Column i is the cosine of the view to the normal, (i + 0.5) / size; row j is the roughness, (j + 0.5) / size, whose
+    square is alpha, at least 0.02: a texture to be looked up at (cosine, roughness), clamped to its edge. The reflectance
+    of a prefiltered map is f0 a + b. Raises ValueError for a size outside 1 to 1024.
+    """
 def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
     Directional albedo rho(theta_v, s) of Eq. 3 (Croubois et al. 2014), from the library's table.
@@ -2144,7 +2152,7 @@ def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typin
     Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
 
     views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Schlick's Fresnel term the albedo is f0 a + b,
-    with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. From a table (Karis 2013). Raises
+    with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. By quadrature, within 3e-4. Raises
     ValueError for another shape or values out of range.
     """
 def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsIndex = 256) -> tuple:

@@ -11,6 +11,7 @@
 #include "fastibl/lighting/dominant_lights.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/lighting/prefilter.h"
+#include "fastibl/scene/ggx.h"
 
 using namespace fastibl;
 
@@ -96,6 +97,23 @@ TEST_CASE("lights whose place is known have it") {
 TEST_CASE("a lighting without a map has no lights to be asked for") {
   CHECK_THROWS_AS(dominant_lights(Lighting()), std::invalid_argument);
   CHECK_THROWS_AS(without_lights(Lighting()), std::invalid_argument);
+}
+
+TEST_CASE("the DFG table holds the albedos of its texels' centres") {
+  const Image<float> table = dfg_table(8);
+  CHECK((table.width == 8 && table.height == 8 && table.channels == 2));
+  for (int row = 0; row < 8; ++row)
+    for (int column = 0; column < 8; ++column) {
+      const double cosine = (column + 0.5) / 8, roughness = (row + 0.5) / 8;
+      const glm::dvec2 albedo =
+          integrate_ggx_albedo({0, std::sqrt(1 - cosine * cosine), cosine},
+                               glm::dvec2(std::max(roughness * roughness, 0.02)));
+      CHECK(std::abs(table.pixel(column, row)[0] - albedo.x) < 3e-4);
+      CHECK(std::abs(table.pixel(column, row)[1] - albedo.y) < 3e-4);
+    }
+  CHECK(dfg_table(1).data.size() == 2);
+  CHECK_THROWS_AS(dfg_table(0), std::invalid_argument);
+  CHECK_THROWS_AS(dfg_table(1025), std::invalid_argument);
 }
 
 TEST_CASE("the irradiance cube and the harmonics of a map") {

@@ -21,7 +21,8 @@ PAGES = {
     "light": (
         "Light",
         "What a map does to surfaces, by named methods.",
-        "Lighting Method methods directional_albedo ggx_albedo export_light write_sh? write_gltf_light? write_usd?",
+        "Lighting Method methods directional_albedo ggx_albedo dfg_table export_light write_sh? write_gltf_light? "
+        "write_usd?",
     ),
     "objects": (
         "Objects",

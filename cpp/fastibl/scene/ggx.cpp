@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/isotropic_taps.h"
 #include "fastibl/scene/methods.h"
@@ -247,6 +248,24 @@ glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {
     }
   }
   return sum;
+}
+
+Image<float> dfg_table(int size) {
+  check(size >= 1 && size <= 1024, "the size of a DFG table must be 1 to 1024, got ", size);
+  Image<float> table(size, size, 2);
+  parallel_for(size, 1, [&](int begin, int end) {
+    for (int row = begin; row < end; ++row) {
+      const glm::dvec2 alpha(ggx_alpha((float(row) + 0.5f) / float(size), 0));
+      for (int column = 0; column < size; ++column) {
+        const double cosine = (column + 0.5) / size;
+        const glm::dvec2 albedo =
+            integrate_ggx_albedo({std::sqrt(1 - cosine * cosine), 0, cosine}, alpha);
+        table.pixel(column, row)[0] = float(albedo.x);
+        table.pixel(column, row)[1] = float(albedo.y);
+      }
+    }
+  });
+  return table;
 }
 
 GgxAlbedo::GgxAlbedo(float anisotropy) : azimuths_(anisotropy > 0 ? kAzimuths : 1) {
