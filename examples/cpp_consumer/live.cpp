@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
     // Most cameras choose their exposure and do not tell it; without this line it would count as
     // always 1.
     frame.back_exposure.reset();
-    result = session.process(frame);
+    session.process(frame, result);
     seen += result.back_from_marker.has_value();
     // Here a program would show result.image, or hand it on.
   }

@@ -111,6 +111,39 @@ TEST_CASE("budgets set later give what a session that began with them gives") {
   CHECK_THROWS_AS(changed.set_budgets(0.1, std::nan("")), std::invalid_argument);
 }
 
+TEST_CASE("a result that is used again is a new one, in the same memory") {
+  const Camera160 camera;
+  Session again = camera.session(0.1f), fresh = camera.session(0.1f);
+  std::vector<float> linear(160 * 120 * 3, 0.3f);
+  FrameResult result;
+  const std::uint8_t* memory = nullptr;
+  for (int k = 0; k < 6; ++k) {
+    CAPTURE(k);
+    Frame frame = camera.frame;
+    frame.time = 0.1 * k;
+    if (k == 2) frame.back_from_marker.reset();  // nothing is drawn
+    if (k == 3) frame.back = {};                 // four channels
+    if (k == 4) frame.back = {linear.data(), PixelType::float32, 160, 120, 160 * 3 * 4};
+    again.process(frame, result);
+    const FrameResult other = fresh.process(frame);
+    CHECK(result.image == other.image);
+    CHECK(result.passes == other.passes);
+    CHECK(result.back_from_marker.has_value() == other.back_from_marker.has_value());
+    if (k == 1 || k == 5) CHECK(result.image.data.data() == memory);
+    memory = result.image.data.data();
+  }
+}
+
+TEST_CASE("the maps of a session are read where they are") {
+  const Camera160 camera;
+  Session session = camera.session(0.1f);
+  session.process(camera.frame);
+  const ShadowMap& shadow = session.shadow_map();
+  CHECK(!shadow.ratio.empty());
+  CHECK(&shadow == &session.shadow_map());
+  CHECK(&session.plane_gain() == &session.plane_gain());
+}
+
 TEST_CASE("a frame that failed leaves nothing half done") {
   const Camera160 camera;
   Scene bare = scene(0.05f);

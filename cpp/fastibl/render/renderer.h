@@ -61,12 +61,18 @@ class Renderer {
   // Number of pixel parts that the last run of shade worked out, where they are counted.
   virtual std::optional<double> shaded() const { return std::nullopt; }
 
-  // The products of each pass's last run; a GPU back end reads them back.
-  virtual ShadowMap shadow_map() = 0;
+  // The products of each pass's last run; a GPU back end reads them back. The shadow map stays as
+  // it is until the next run.
+  virtual const ShadowMap& shadow_map() = 0;
   virtual ObjectLayer object() = 0;
   virtual ObjectLayer holdout() = 0;  // see holdout_layer()
-  virtual Image<std::uint8_t>
-  image() = 0;  // 3 channels, or 4 (straight alpha) without a back picture
+  // 3 channels, or 4 (straight alpha) without a back picture. The memory of `out` is used again.
+  virtual void image(Image<std::uint8_t>& out) = 0;
+  Image<std::uint8_t> image() {
+    Image<std::uint8_t> out;
+    image(out);
+    return out;
+  }
 };
 
 std::unique_ptr<Renderer> make_cpu_renderer();

@@ -456,8 +456,17 @@ PictureLayers Session::layers() {
                         holdout());
 }
 
-FrameResult Session::process(const Frame& given) {
+FrameResult Session::process(const Frame& frame) {
+  FrameResult result;
+  process(frame, result);
+  return result;
+}
+
+void Session::process(const Frame& given, FrameResult& result) {
   check_frame(given, rig_);
+  Image<std::uint8_t> image = std::move(result.image);  // for its memory
+  result = {};
+  result.image = std::move(image);
   Frame frame = given;
   frame.time = clock_.at(given.time);
   if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
@@ -466,7 +475,6 @@ FrameResult Session::process(const Frame& given) {
   const OneThread loops(options_.milliseconds > 0 ? Loops::alone : Loops::together);
   const Stopwatch total;
   const ProcessorClock processor;
-  FrameResult result;
 
   choose_turn(frame);
   // Tracking decides what else can be done, so it runs by itself.
@@ -485,9 +493,9 @@ FrameResult Session::process(const Frame& given) {
   judge_.add_frame(fixed_environment_ || !environment_ ? nullptr : &environment_->radiance);
   update_plan();  // its errors, now that this frame's light is known
   if (result.back_from_marker)
-    result.image = renderer_->image();
+    renderer_->image(result.image);
   else if (!frame.back.empty())
-    result.image = bytes_from(frame.back, rig_.back.response);
+    bytes_from(frame.back, rig_.back.response, result.image);
   else
     result.image = Image<std::uint8_t>(rig_.back.width, rig_.back.height, 4);
   result.environment = environment_;
@@ -498,7 +506,6 @@ FrameResult Session::process(const Frame& given) {
   }
   result.timings["total"] = total.seconds();
   watch_time(1e3 * processor.seconds());
-  return result;
 }
 
 }  // namespace fastibl

@@ -65,16 +65,20 @@ class Session {
           std::unique_ptr<Renderer> renderer, SessionOptions options = {});
 
   FrameResult process(const Frame& frame);
+  // The same into the result of an earlier frame, whose memory is used again. Its image must not be
+  // the frame's picture. Nothing is known of the result where this throws.
+  void process(const Frame& frame, FrameResult& result);
   // The next frame may have any time: a camera's clock was set, or a frame had a wrong one. What
   // was captured counts as a second older.
   void restart_clock() { clock_.restart(); }
 
   const Plan& plan() const { return plan_; }
   const SessionOptions& options() const { return options_; }
-  ShadowMap shadow_map() { return renderer_->shadow_map(); }
+  // These maps are there until the next frame: copy what is to be kept.
+  const ShadowMap& shadow_map() { return renderer_->shadow_map(); }
   // What the plane's picture was multiplied by: the ratio as it is drawn, together with the light
   // from the object; it may exceed 1.
-  ShadowMap plane_gain() {
+  const ShadowMap& plane_gain() {
     return shares_.plane_gain() ? *shares_.plane_gain() : renderer_->shadow_map();
   }
   // The layers of the last picture; empty where the board was not seen.

@@ -90,17 +90,25 @@ float scale_below_white(const Picture& picture) {
 }
 
 Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response, float scale) {
+  Image<std::uint8_t> out;
+  bytes_from(picture, response, out, scale);
+  return out;
+}
+
+void bytes_from(const Picture& picture, const Response& response, Image<std::uint8_t>& out,
+                float scale) {
   check_picture(picture);
   const int count = 3 * picture.width;
+  const std::size_t size = std::size_t(count) * std::size_t(picture.height);
+  out.width = picture.width, out.height = picture.height, out.channels = 3;
   if (picture.type == PixelType::uint8) {
-    Image<std::uint8_t> out;
-    out.width = picture.width, out.height = picture.height;
-    out.data.reserve(std::size_t(count) * std::size_t(picture.height));
+    out.data.clear();
+    out.data.reserve(size);
     for (int y = 0; y < picture.height; ++y)
       out.data.insert(out.data.end(), picture.row(y), picture.row(y) + count);
-    return out;
+    return;
   }
-  Image<std::uint8_t> out(picture.width, picture.height, 3);
+  out.data.resize(size);
   const ByteResponse table(response);
   for (int y = 0; y < picture.height; ++y) {
     std::uint8_t* to = out.row(y);
@@ -112,7 +120,6 @@ Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response,
       for (int i = 0; i < count; ++i) to[i] = table.encode(scale * in[i]);
     }
   }
-  return out;
 }
 
 Image<std::uint8_t> grey_from(const Picture& picture, const Response& response) {

@@ -44,6 +44,9 @@ float scale_below_white(const Picture& picture);
 // 8-bit RGB for a person to look at: 8-bit input is unchanged; other input is encoded with the
 // response, float after multiplication by `scale`.
 Image<std::uint8_t> bytes_from(const Picture& picture, const Response& response, float scale = 1);
+// The same into an image, whose memory is used again.
+void bytes_from(const Picture& picture, const Response& response, Image<std::uint8_t>& out,
+                float scale = 1);
 // 8-bit grey for detection, from the encoded values (Rec. 601 luma); float is first scaled below
 // white.
 Image<std::uint8_t> grey_from(const Picture& picture, const Response& response);

@@ -195,11 +195,21 @@ PixelTable::PixelTable(const Camera& c)
 Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowLookUp& shadow, const ObjectLayer& holdout) {
+  Image<std::uint8_t> out;
+  composite(back, exposure, table, camera_from_marker, object, shadow, holdout, out);
+  return out;
+}
+
+void composite(const Picture& back, double exposure, const PixelTable& table,
+               const Pose& camera_from_marker, const ObjectLayer& object,
+               const ShadowLookUp& shadow, const ObjectLayer& holdout, Image<std::uint8_t>& out) {
   const Camera& camera = table.camera;
   const bool bytes = back.empty() || back.type == PixelType::uint8;
   const PixelReader pixels(back, camera.response, table.response);
-  Image<std::uint8_t> out = back.empty() ? Image<std::uint8_t>(camera.width, camera.height, 3)
-                                         : bytes_from(back, camera.response);
+  if (back.empty())
+    out = Image<std::uint8_t>(camera.width, camera.height, 3);
+  else
+    bytes_from(back, camera.response, out);
   const PlaneShadow plane(table, camera_from_marker, shadow);
   const Rectangle area = around(around(plane.area(), object), holdout);
   constexpr int kStretch = 64;  // pixels that are blended together
@@ -243,7 +253,6 @@ Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelT
       }
     }
   });
-  return out;
 }
 
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,

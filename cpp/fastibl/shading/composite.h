@@ -30,6 +30,10 @@ struct PixelTable {
 Image<std::uint8_t> composite(const Picture& back, double exposure, const PixelTable& table,
                               const Pose& camera_from_marker, const ObjectLayer& object,
                               const ShadowLookUp& shadow, const ObjectLayer& holdout = {});
+// The same into an image, whose memory is used again.
+void composite(const Picture& back, double exposure, const PixelTable& table,
+               const Pose& camera_from_marker, const ObjectLayer& object,
+               const ShadowLookUp& shadow, const ObjectLayer& holdout, Image<std::uint8_t>& out);
 
 // Object and shadow without a picture behind them: straight (not premultiplied) encoded RGB and
 // alpha. A shadow is black with alpha 1 − ratio (Rec. 709 luminance; 0 where that is negative).

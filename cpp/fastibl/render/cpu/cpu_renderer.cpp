@@ -49,10 +49,11 @@ class CpuRenderer final : public Renderer {
           plane_of_ = in.plane_gain;
         }
         if (!pixels_ || pixels_->camera != in.camera) pixels_.emplace(in.camera);
-        image_ = in.back.empty() ? matte(in.exposure, *pixels_, in.camera_from_marker, object_,
-                                         *plane_, holdout_)
-                                 : composite(in.back, in.exposure, *pixels_, in.camera_from_marker,
-                                             object_, *plane_, holdout_);
+        if (in.back.empty())
+          image_ = matte(in.exposure, *pixels_, in.camera_from_marker, object_, *plane_, holdout_);
+        else
+          composite(in.back, in.exposure, *pixels_, in.camera_from_marker, object_, *plane_,
+                    holdout_, image_);
         return;
       }
       default:
@@ -66,10 +67,10 @@ class CpuRenderer final : public Renderer {
   }
 
   std::optional<double> shaded() const override { return shaded_; }
-  ShadowMap shadow_map() override { return shadow_; }
+  const ShadowMap& shadow_map() override { return shadow_; }
   ObjectLayer object() override { return object_; }
   ObjectLayer holdout() override { return holdout_; }
-  Image<std::uint8_t> image() override { return image_; }
+  void image(Image<std::uint8_t>& out) override { out = image_; }
 
  private:
   SceneShadow caster_;

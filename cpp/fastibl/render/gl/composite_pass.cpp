@@ -48,8 +48,10 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   const ShadowMap& place = gain_map_ ? *gain_map_ : shadow.place();
   const Area& object_area = shade.area();
   const bool matte = in.back.empty();
-  bytes_ = matte ? Image<std::uint8_t>(camera.width, camera.height, 4)
-                 : bytes_from(in.back, camera.response);
+  if (matte)
+    bytes_ = Image<std::uint8_t>(camera.width, camera.height, 4);
+  else
+    bytes_from(in.back, camera.response, bytes_);
   const Pose marker_from_camera = in.camera_from_marker.inverse();
   const glm::vec3 eye(marker_from_camera.translation);
   Area shadowed;
@@ -115,9 +117,9 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   gpu.draw_full_screen(width, height);
 }
 
-Image<std::uint8_t> CompositePass::image(Gpu& gpu) {
-  Image<std::uint8_t> out = bytes_;
-  if (area_.empty()) return out;
+void CompositePass::image(Gpu& gpu, Image<std::uint8_t>& out) {
+  out = bytes_;
+  if (area_.empty()) return;
   const int width = area_.width(), height = area_.height();
   const std::size_t size = std::size_t(width) * std::size_t(height) * 4;
   const Gpu::Scope scope(gpu);
@@ -146,7 +148,6 @@ Image<std::uint8_t> CompositePass::image(Gpu& gpu) {
   }
   glUnmapBuffer(GL_PIXEL_PACK_BUFFER);
   glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
-  return out;
 }
 
 void CompositePass::present(Gpu& gpu, GLuint framebuffer, int width, int height) {

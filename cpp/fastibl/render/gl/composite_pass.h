@@ -19,7 +19,7 @@ class CompositePass {
  public:
   void run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade, const RenderInput& in);
 
-  Image<std::uint8_t> image(Gpu& gpu);  // reads back; outside a scope
+  void image(Gpu& gpu, Image<std::uint8_t>& out);  // reads back; outside a scope
   void present(Gpu& gpu, GLuint framebuffer, int width, int height);
 
  private:

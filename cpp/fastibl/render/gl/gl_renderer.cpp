@@ -51,10 +51,10 @@ class Gl final : public GlRenderer {
     if (pass == PassId::shade) shade_.clear();
   }
 
-  ShadowMap shadow_map() override { return shadow_.shadow_map(gpu_); }
+  const ShadowMap& shadow_map() override { return shadow_.shadow_map(gpu_); }
   ObjectLayer object() override { return shade_.layer(gpu_); }
   ObjectLayer holdout() override { return shade_.holdout_layer(gpu_); }
-  Image<std::uint8_t> image() override { return composite_.image(gpu_); }
+  void image(Image<std::uint8_t>& out) override { composite_.image(gpu_, out); }
 
   void present(unsigned framebuffer, int width, int height) override {
     const Gpu::Scope scope(gpu_);
