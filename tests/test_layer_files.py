@@ -86,6 +86,8 @@ def test_a_file_of_layers(marked, tmp_path):
     off = np.abs(255 * CURVE.encode(linear) - image)
     print(f"at most {off.max():.2f} codes, of half floats")
     assert off.max() <= 0.8
+    fastibl.write_layers(tmp_path / "LARGE.EXR", layers)  # as other writers take large letters
+    assert (tmp_path / "LARGE.EXR").stat().st_size > 1000
     # 16 bits and floats are the same plate.
     for other in (plate.astype(np.uint16) * 257, CURVE.decode(plate / np.float32(255))):
         fastibl.write_layers(tmp_path / "b.exr", layers, other, CURVE)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from . import texels
 from .file_limits import check_pixels, file_bytes
 from .primaries import Given, as_rec709, given
-from .whole_file import write_whole
+from .whole_file import path_ending, write_whole
 
 _HEADER = struct.Struct("<4s7I44x2I4s5I5I")
 _DX10 = struct.Struct("<5I")
@@ -45,9 +45,7 @@ def write_dds(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32]
     levels: faces (6, n, n, 3), each half as wide as the one before (n >> k, at least 1). Values above 65504 are cut to
     that. Raises ValueError for other shapes.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".dds":
-        raise ValueError(f"{path} must end in .dds")
+    path = path_ending(path, ".dds")
     size = texels.check_levels(levels)
     pitch = size * texels.BYTES["rgba16f"]
     header = _HEADER.pack(
@@ -56,7 +54,7 @@ def write_dds(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32]
     )  # fmt: skip
     header += _DX10.pack(_RGBA16F, _TEXTURE_2D, _DX10_CUBE, 1, 0)
     # Face by face, each with its levels.
-    body = b"".join(texels.encode_rgba16f(np.asarray(level[face], np.float32)) for face in range(6) for level in levels)
+    body = b"".join(texels.encode_rgba16f(level[face]) for face in range(6) for level in levels)
     write_whole(path, header + body)
 
 

@@ -23,7 +23,7 @@ from ._fastibl import CubeMap, Environment, __version__
 from .axes import handed, radiance_of, to_axes
 from .lighting import Lighting
 from .sh_files import COSINE, rounded
-from .whole_file import write_whole
+from .whole_file import path_ending, write_whole
 
 NAME = "EXT_lights_image_based"
 _RANGE = 255.0  # range of RGBD: one over the smallest alpha
@@ -46,9 +46,7 @@ def write_gltf_light(
     that of the levels, see Lighting.prefiltered. The map is in glTF's axes (y up). Raises ValueError for another size
     or ending.
     """
-    path = Path(path)
-    if path.suffix.lower() not in (".glb", ".gltf"):
-        raise ValueError(f"{path} must end in .glb or .gltf")
+    path = path_ending(path, ".glb", ".gltf")
     if size < 2 * _SMALLEST or size & (size - 1):
         raise ValueError(f"size must be a power of two of at least {2 * _SMALLEST}, got {size}")
     turned = to_axes(radiance_of(cube), "gltf")

@@ -30,7 +30,7 @@ from .primaries import (
     from_chromaticities,
     given,
 )
-from .whole_file import write_whole
+from .whole_file import path_ending, write_whole
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 _RGBA16F = 97  # VK_FORMAT_R16G16B16A16_SFLOAT
@@ -46,9 +46,7 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
     levels: faces (6, n, n, 3), each half as wide as the one before (n >> k, at least 1). Values above 65504 are cut to
     that. Raises ValueError for other shapes.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".ktx2":
-        raise ValueError(f"{path} must end in .ktx2")
+    path = path_ending(path, ".ktx2")
     size = texels.check_levels(levels)
     descriptor = _descriptor()
     keys = b"".join(map(_key, ("KTXorientation", "KTXwriter"), ("rd", f"fastibl {__version__}")))
@@ -60,7 +58,7 @@ def write_ktx2(path: str | os.PathLike[str], levels: Sequence[NDArray[np.float32
     body = b""
     for level in reversed(levels):
         body += bytes(-(at + len(body)) % 8)
-        data = texels.encode_rgba16f(np.asarray(level, np.float32))
+        data = texels.encode_rgba16f(level)
         places.insert(0, _LEVEL.pack(at + len(body), len(data), len(data)))
         body += data
     header = _HEADER.pack(_IDENTIFIER, _RGBA16F, 2, size, size, 0, 0, 6, len(levels), 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from ._fastibl import PictureLayers, Response
 from .expected import expect
 from .pictures import unit, write_exr
+from .whole_file import path_ending
 
 _MOST = np.float32(np.finfo(np.float16).max)
 
@@ -30,10 +30,8 @@ def write_layers(
     session; plate.R, plate.G, plate.B is this picture in linear light. response: of the back camera (default: sRGB).
     Raises ValueError for another ending or a plate of another size, ImportError without OpenEXR.
     """
-    path = Path(path)
     expect(layers, PictureLayers, "layers")
-    if path.suffix != ".exr":
-        raise ValueError(f"{path} must end in .exr")
+    path = path_ending(path, ".exr")
     parts = {"": layers.object, "ratio.": layers.ratio}
     if plate is not None:
         if plate.shape != layers.ratio.shape:

@@ -14,7 +14,7 @@ from ._fastibl import Response
 from .file_limits import check_file_size, check_pixels, file_bytes
 from .picture_headers import jpeg_size, png_size, radiance_primaries, radiance_size, radiance_upright
 from .primaries import REC709, Given, Stated, as_rec709, from_chromaticities, given, of_picture
-from .whole_file import whole_file, write_whole
+from .whole_file import path_ending, whole_file, write_whole
 
 LINEAR = (".hdr", ".exr")
 ENCODED = (".png", ".jpg", ".jpeg")
@@ -135,11 +135,8 @@ def write_picture(path: str | os.PathLike[str], image: NDArray[np.float32]) -> N
 
     Raises ValueError for another ending, ImportError for .exr without OpenEXR.
     """
-    path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in LINEAR:
-        raise ValueError(f"{path} must end in {' or '.join(LINEAR)}")
-    if suffix == ".exr":
+    path = path_ending(path, *LINEAR)
+    if path.suffix.lower() == ".exr":
         write_exr(path, {"RGB": np.asarray(image, np.float32)})
         return
     height, width = image.shape[:2]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ._fastibl import CubeMap, Environment
 from .axes import radiance_of, to_axes
 from .lighting import Lighting
-from .whole_file import write_whole
+from .whole_file import path_ending, write_whole
 
 CONVENTIONS = ("filament", "three.js")
 
@@ -49,10 +48,8 @@ def write_sh(
     LightProbe for THREE.ObjectLoader. The other combinations are nine rows of three numbers; .json holds them as "sh",
     with the convention and axes beside them. Raises ValueError for another convention, other axes or another ending.
     """
-    path = Path(path)
+    path = path_ending(path, ".txt", ".json")
     rows = spherical_harmonics(cube, convention, axes)
-    if path.suffix.lower() not in (".txt", ".json"):
-        raise ValueError(f"{path} must end in .txt or .json")
     if path.suffix.lower() == ".txt":
         write_whole(path, _text(rows, convention))
         return

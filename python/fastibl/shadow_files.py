@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ._fastibl import ShadowMap
 from .expected import expect
 from .pictures import write_exr
-from .whole_file import write_whole
+from .whole_file import path_ending, write_whole
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 _MOST = 4096  # most texels along an edge
@@ -34,10 +34,8 @@ def write_shadow(
     resolution: pixels along an edge, by default those of the shadow's finest map, at most 4096.
     Raises ValueError for another ending or values that are not positive, ImportError for .exr without OpenEXR.
     """
-    path = Path(path)
+    path = path_ending(path, ".exr", ".png")
     suffix = path.suffix.lower()
-    if suffix not in (".exr", ".png"):
-        raise ValueError(f"{path} must end in .exr or .png")
     expect(shadow, ShadowMap, "shadow")
     extent = float(shadow.reach if extent is None else extent)
     if not 0 < extent < np.inf:

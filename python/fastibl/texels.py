@@ -51,8 +51,8 @@ def intensity(mean: float, brightest: float, most: float, usual: tuple[float, fl
 
 def encode_rgba16f(faces: NDArray[np.float32]) -> bytes:
     """Half floats with alpha 1; values above `HALF_MAX` are cut to that."""
-    out = np.ones((*faces.shape[:-1], 4), "<f2")
-    out[..., :3] = np.clip(faces, 0, HALF_MAX)
+    out = np.ones((*np.shape(faces)[:-1], 4), "<f2")
+    out[..., :3] = np.clip(np.asarray(faces, np.float32), 0, HALF_MAX)
     return out.tobytes()
 
 

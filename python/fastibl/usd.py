@@ -14,7 +14,7 @@ from ._fastibl import CubeMap, Environment
 from .axes import matrix, radiance_of, turned
 from .environment_files import write_equirect
 from .pictures import LINEAR
-from .whole_file import write_whole
+from .whole_file import path_ending, write_whole
 
 # A dome's own frame has its pole along +y, whichever axis is up in the stage. Its picture follows OpenEXR: longitude 0,
 # in the middle, is +z, and +x is to the left of it. The matrix takes a direction in the dome's frame to the frame of
@@ -43,9 +43,7 @@ def write_usd(
     picture, by default 2 face edges. The light's intensity is 1: the picture holds radiance. Raises ValueError for
     other axes, another format or ending, ImportError for .exr without OpenEXR.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".usda":
-        raise ValueError(f"{path} must end in .usda")
+    path = path_ending(path, ".usda")
     if f".{format}" not in LINEAR:
         raise ValueError(f'format must be "hdr" or "exr", got {format!r}')
     if axes not in AXES:

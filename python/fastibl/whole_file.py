@@ -13,6 +13,14 @@ _WRITTEN = itertools.count()
 _STEM = 40  # characters of the name that are kept: a name as long as the file system allows has no room for an ending
 
 
+def path_ending(path: str | os.PathLike[str], *endings: str) -> Path:
+    """The path of a file to be written. Raises ValueError unless it ends in one of these, in small letters or large."""
+    path = Path(path)
+    if path.suffix.lower() not in endings:
+        raise ValueError(f"{path} must end in {' or '.join(endings)}")
+    return path
+
+
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A name to write under that no other process or thread uses; the new file replaces the old if nothing is raised.
