@@ -5,6 +5,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -118,14 +119,23 @@ TEST_CASE("numbers are read alike with and without std::from_chars for doubles")
       {"1 ", {}},
       {"1,5", {}},
       {"0x10", {}},
-      {"nan", {}},
-      {"inf", {}},
+      {"inf", infinity},
+      {"-INF", -infinity},
+      {"Infinity", infinity},
+      {"+inf", {}},
+      {"infinite", {}},
+      {"nano", {}},
       {".", {}},
       {"1.2.3", {}}};
   for (const auto& [text, value] : cases) {
     CAPTURE(text);
     CHECK(parse_number(text) == value);
     CHECK(parse_number_by_stream(text) == value);
+  }
+  for (const char* text : {"nan", "NaN", "-nan"}) {
+    CAPTURE(text);
+    CHECK(std::isnan(parse_number(text).value_or(0)));
+    CHECK(std::isnan(parse_number_by_stream(text).value_or(0)));
   }
 }
 

@@ -32,10 +32,23 @@ bool is_decimal(std::string_view text) {
   return text.empty();
 }
 
+// "inf", "infinity" and "nan", in letters of any size; otherwise none.
+std::optional<double> named(std::string_view text) {
+  const bool negative = text.starts_with('-');
+  if (negative) text.remove_prefix(1);
+  const auto is = [&](std::string_view name) {  // | 0x20 makes a letter small
+    return std::ranges::equal(text, name, [](char a, char b) { return (a | 0x20) == b; });
+  };
+  using Limits = std::numeric_limits<double>;
+  if (is("nan")) return Limits::quiet_NaN();
+  if (is("inf") || is("infinity")) return negative ? -Limits::infinity() : Limits::infinity();
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::optional<double> parse_number_by_stream(std::string_view text) {
-  if (!is_decimal(text)) return std::nullopt;
+  if (!is_decimal(text)) return named(text);
   std::istringstream stream{std::string(text)};
   stream.imbue(std::locale::classic());
   double value = 0;
@@ -49,7 +62,7 @@ std::optional<double> parse_number(std::string_view text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (end != text.data() + text.size()) return std::nullopt;
-  if (error == std::errc() && std::isfinite(value)) return value;
+  if (error == std::errc()) return value;
 #endif
   return parse_number_by_stream(text);
 }
