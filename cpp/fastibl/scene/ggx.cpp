@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <numbers>
+#include <vector>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -85,6 +87,31 @@ struct LightParts {
     return {front / front_weight, edge / edge_weight, edge_weight / (front_weight + edge_weight)};
   }
 };
+
+// A place on the unit disc, and its share of the area.
+struct DiscPlace {
+  double x, y, weight;
+};
+
+// r = sin ψ smooths integrands that fall to 0 like a root at the rim; a turn's weights sin 2ψ are
+// divided by their sum. Turns have other radii (golden section): seen along the normal, the horizon
+// cuts the disc along a circle, which of equal rings would take all of one or nothing.
+std::vector<DiscPlace> disc_places(int steps, int turns) {
+  std::vector<DiscPlace> places;
+  for (int k = 0; k < turns; ++k) {
+    const double angle = (k + 0.5) / turns * 2 * std::numbers::pi;
+    const double shift = std::fmod(0.5 + k * (std::numbers::phi - 1), 1);
+    const std::size_t first = places.size();
+    double sum = 0;
+    for (int i = 0; i < steps; ++i) {
+      const double psi = (i + shift) / steps * std::numbers::pi / 2, r = std::sin(psi);
+      places.push_back({r * std::cos(angle), r * std::sin(angle), std::sin(2 * psi)});
+      sum += places.back().weight;
+    }
+    for (std::size_t i = first; i < places.size(); ++i) places[i].weight /= sum * turns;
+  }
+  return places;
+}
 
 GgxLight sampled_ggx(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
                      int taps) {
@@ -210,15 +237,7 @@ GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::
 glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {
   // G2/G1 averaged over midpoints of visible normals: Heitz 2018, Sampling the GGX distribution of
   // visible normals. With this distribution the integrand is flat, also at grazing views.
-  constexpr int kSteps = 96, kTurns = 32;
-  static const std::array<glm::dvec2, kTurns> turns = [] {
-    std::array<glm::dvec2, kTurns> t;
-    for (int k = 0; k < kTurns; ++k) {
-      const double angle = (k + 0.5) / kTurns * 2 * std::numbers::pi;
-      t[std::size_t(k)] = {std::cos(angle), std::sin(angle)};
-    }
-    return t;
-  }();
+  static const std::vector<DiscPlace> places = disc_places(96, 32);
   v = glm::normalize(glm::dvec3(v.x, v.y, std::max(v.z, 1e-6)));
   const glm::dvec3 stretch(alpha, 1);
   const double view_size = glm::length(stretch * v);
@@ -228,24 +247,18 @@ glm::dvec2 integrate_ggx_albedo(glm::dvec3 v, glm::dvec2 alpha) {
   const glm::dvec3 other = glm::cross(up, side);
   const double share = 0.5 * (1 + up.z);
   glm::dvec2 sum(0);
-  for (int i = 0; i < kSteps; ++i) {
-    // r = sin ψ smooths an integrand that falls to 0 like a root at the rim; the weights sin 2ψ sum
-    // to 1.
-    const double psi = (i + 0.5) / kSteps * std::numbers::pi / 2, r = std::sin(psi);
-    const double weight = std::sin(std::numbers::pi / (2 * kSteps)) * std::sin(2 * psi) / kTurns;
-    for (const glm::dvec2& turn : turns) {
-      const double x = r * turn.x, rim = std::sqrt(1 - x * x);
-      const double y = (1 - share) * rim + share * r * turn.y;
-      const double z = std::sqrt(std::max(0.0, rim * rim - y * y));
-      const glm::dvec3 h = glm::normalize(stretch * (x * side + y * other + z * up));
-      const double vh = glm::dot(v, h);
-      const glm::dvec3 l = 2 * vh * h - v;
-      if (!(l.z > 0)) continue;
-      // G2/G1 = (1 + Λ_v) / (1 + Λ_v + Λ_l) with Λ = (|A w| / w_z − 1) / 2.
-      const double a = view_size / v.z, b = glm::length(stretch * l) / l.z;
-      const double g = (1 + a) / (a + b), rest = std::pow(std::clamp(1 - vh, 0.0, 1.0), 5);
-      sum += weight * g * glm::dvec2(1 - rest, rest);
-    }
+  for (const auto& [x, across, weight] : places) {
+    const double rim = std::sqrt(1 - x * x);
+    const double y = (1 - share) * rim + share * across;
+    const double z = std::sqrt(std::max(0.0, rim * rim - y * y));
+    const glm::dvec3 h = glm::normalize(stretch * (x * side + y * other + z * up));
+    const double vh = glm::dot(v, h);
+    const glm::dvec3 l = 2 * vh * h - v;
+    if (!(l.z > 0)) continue;
+    // G2/G1 = (1 + Λ_v) / (1 + Λ_v + Λ_l) with Λ = (|A w| / w_z − 1) / 2.
+    const double a = view_size / v.z, b = glm::length(stretch * l) / l.z;
+    const double g = (1 + a) / (a + b), rest = std::pow(std::clamp(1 - vh, 0.0, 1.0), 5);
+    sum += weight * g * glm::dvec2(1 - rest, rest);
   }
   return sum;
 }
