@@ -29,14 +29,6 @@ std::vector<TakenTexel> taken_texels(const Lighting& lighting, const CubeLevel& 
   return taken;
 }
 
-std::vector<glm::vec3> packed(const CubeLevel& level) {
-  std::vector<glm::vec3> faces;
-  for (int f = 0; f < 6; ++f)
-    for (int y = 0; y < level.size(); ++y)
-      faces.insert(faces.end(), &level.texel(f, 0, y), &level.texel(f, 0, y) + level.size());
-  return faces;
-}
-
 // A texel of the finer map within a texel of the coarser one.
 struct Piece {
   glm::vec3* radiance;
@@ -101,26 +93,29 @@ CubeMap without_lights(const Lighting& lighting) {
   const CubeLevel source = working_level(map);
   const std::vector<TakenTexel> taken = taken_texels(lighting, source);
   const CubeLevel left = without_lights(source, taken);
-  const int n = left.size(), count = map.size() / n;
-  if (count < 2 || count * n != map.size() || !std::has_single_bit(unsigned(count)))
-    return CubeMap(n, packed(left));
-  std::vector<glm::vec3> faces = packed(map.level(0));
-  const std::vector<double> angles = texel_solid_angles(map.size());
-  std::vector<std::array<int, 3>> places;
-  for (const TakenTexel& texel : taken) places.push_back({texel.face, texel.y, texel.x});
-  std::ranges::sort(places);
-  places.erase(std::unique(places.begin(), places.end()), places.end());
-  std::vector<Piece> pieces;
-  for (const auto& [face, row, column] : places) {
-    pieces.clear();
-    for (int y = row * count; y < (row + 1) * count; ++y)
-      for (int x = column * count; x < (column + 1) * count; ++x) {
-        const std::size_t i = std::size_t(y) * std::size_t(map.size()) + std::size_t(x);
-        pieces.push_back({&faces[std::size_t(face) * angles.size() + i], angles[i]});
-      }
-    cut(pieces, glm::dvec3(left.texel(face, column, row)));
+  const int count = map.size() / left.size();
+  const bool finer =
+      count > 1 && count * left.size() == map.size() && std::has_single_bit(unsigned(count));
+  CubeMap result(finer ? map.size() : left.size());
+  result.base() = finer ? map.level(0) : left;
+  if (finer) {
+    const std::vector<double> angles = texel_solid_angles(map.size());
+    std::vector<std::array<int, 3>> places;
+    for (const TakenTexel& texel : taken) places.push_back({texel.face, texel.y, texel.x});
+    std::ranges::sort(places);
+    places.erase(std::unique(places.begin(), places.end()), places.end());
+    std::vector<Piece> pieces;
+    for (const auto& [face, row, column] : places) {
+      pieces.clear();
+      for (int y = row * count; y < (row + 1) * count; ++y)
+        for (int x = column * count; x < (column + 1) * count; ++x)
+          pieces.push_back({&result.base().texel(face, x, y),
+                            angles[std::size_t(y) * std::size_t(map.size()) + std::size_t(x)]});
+      cut(pieces, glm::dvec3(left.texel(face, column, row)));
+    }
   }
-  return CubeMap(map.size(), faces);
+  result.update();
+  return result;
 }
 
 }  // namespace fastibl
