@@ -9,6 +9,7 @@
 // where wide vectors are passed in other registers.
 #pragma once
 
+#include <cmath>
 #include <cstring>
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
@@ -64,6 +65,10 @@ FASTIBL_INLINE IntsOf<V> ints_at(const int* p) {
 template <typename V>
 FASTIBL_INLINE void put_floats(const V& floats, float* p) {
   std::memcpy(p, &floats, sizeof floats);
+}
+template <typename V>
+FASTIBL_INLINE void square_root(const V& x, V& result) {
+  for (int k = 0; k < kFloatsIn<V>; ++k) result[k] = std::sqrt(x[k]);
 }
 // Adds one after the other, so that sums in parts are the same as those of sixteen at once.
 template <typename V>

@@ -14,10 +14,6 @@ using Bytes [[gnu::vector_size(kLanes)]] = std::uint8_t;
 
 FASTIBL_INLINE void load(const float* from, Lanes& to) { std::memcpy(&to, from, sizeof to); }
 
-FASTIBL_INLINE void square_root(const Lanes& x, Lanes& result) {
-  for (int k = 0; k < kLanes; ++k) result[k] = std::sqrt(x[k]);
-}
-
 FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, const Lanes& half,
                                  float view, Lanes& height) {
   const Lanes none{};

@@ -88,8 +88,8 @@ FASTIBL_INLINE V weight_of(const View& view, const float* at_x, const float* at_
     return cosine * mantissa * reinterpret_cast<V>((whole + 127) << 23);
   }
   const V d = half2 * (view.alpha2 - 1) + 1;
-  V root = view.alpha2 + view.flatness * cosine * cosine;
-  for (int k = 0; k < kFloatsIn<V>; ++k) root[k] = std::sqrt(root[k]);
+  V root;
+  square_root(view.alpha2 + view.flatness * cosine * cosine, root);
   const V mask = root * view.nv + view.view_mask * cosine;
   return cosine / (d * d * (mask > 1e-6f ? mask : V{} + 1e-6f));
 }
