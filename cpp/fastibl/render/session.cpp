@@ -426,6 +426,8 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   const std::optional<Pose>& pose = result.back_from_marker;
   const Pose drawn_from = pose ? tracker_.pose_of_row(result, capture_.map().centre()) : Pose{};
   drawn_from_ = pose ? std::optional(drawn_from) : std::nullopt;
+  // From a camera that stays, the object looks as before. Without a pose, nothing new is drawn.
+  if (pose && shown_from_ != drawn_from) stale_ |= product::pose, shown_from_ = drawn_from;
   if (in_turns_ && (stale_ & product::light_pictures)) {
     Products after = stale_;
     const std::vector<PassId> due = due_passes(plan_, product::texels, after);
@@ -483,7 +485,7 @@ void Session::process(const Frame& given, FrameResult& result) {
     follow_surroundings(frame, result);
     return true;
   });
-  stale_ |= product::back_picture | product::pose;
+  stale_ |= product::back_picture;
   if (wants_capture(frame, result)) stale_ |= product::light_pictures;
   tracker_.find_motion(frame, result);
   choose_methods();

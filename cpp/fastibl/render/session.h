@@ -155,6 +155,7 @@ class Session {
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<LightMeter> meter_;
   std::optional<Pose> drawn_from_;    // the last picture
+  std::optional<Pose> shown_from_;    // the last picture that showed the object
   std::optional<PixelTable> pixels_;  // of layers()
 };
 
