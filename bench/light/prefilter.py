@@ -70,7 +70,7 @@ def truth(source: int, size: int, model: str, parameter: float) -> NDArray:
 
 
 def compare(level: int, sets: dict[str, list], source: int, model: str, parameter: float) -> tuple[dict, dict, dict]:
-    """nMAE, largest relative error, and relative error of the energy of one level, by map."""
+    """nMAE, largest relative error, and relative error of the energy of one level (its worst channel), by map."""
     nmae, largest, energy = {}, {}, {}
     for k, (name, cubes) in enumerate(sets.items()):
         size = cubes[level].size
@@ -78,8 +78,8 @@ def compare(level: int, sets: dict[str, list], source: int, model: str, paramete
         off = np.abs(cubes[level].faces.reshape(-1, 3)[chosen(size)].astype(np.float64) - true)
         nmae[name] = float(off.mean() / true.mean())
         largest[name] = float((off / (true + 0.01 * true.mean())).max())
-        every = sum(cubes[level].mean()) / sum(maps(source)[name].mean()) - 1
-        energy[name] = float(every)
+        every = np.array(cubes[level].mean()) / np.array(maps(source)[name].mean()) - 1
+        energy[name] = float(every[np.abs(every).argmax()])
     return nmae, largest, energy
 
 
@@ -114,24 +114,7 @@ def phong() -> Iterator[Goal]:
         return
     sets, median, times = timed(128, 7, "phong")
     yield _timed_goal("Phong set of 7 levels at 128^2", median, times, 11.25, "cmft 220")
-    worst_studio = 0.0
-    for level, (middle, worst) in enumerate(CMFT):
-        p = 1 + 2 ** (1 + 8 * (1 - level / 7))
-        nmae, largest, _ = compare(level, sets, 128, "phong", p)
-        worst_studio = max(worst_studio, *(v for name, v in largest.items() if "studio" in name))
-        yield Goal(
-            f"Phong p={p:.3g} at {sets[next(iter(sets))][level].size}^2: nMAE median, worst",
-            f"{percent(float(np.median(list(nmae.values()))))}, {percent(max(nmae.values()))}",
-            f"<= {middle}, {worst} % (cmft)",
-            np.median(list(nmae.values())) <= middle / 100 and max(nmae.values()) <= worst / 100,
-            by_map(nmae),
-        )
-    yield Goal(
-        "Phong set, studio map: largest relative error",
-        f"{worst_studio:.3f}",
-        "<= 0.1 (cmft 0.89)",
-        worst_studio <= 0.1,
-    )
+    yield from _phong_levels(sets, 128)
 
 
 @row("light", "prefiltered Phong set, 256^2")
@@ -139,8 +122,30 @@ def phong_large() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped("prefiltered Phong set at 256^2", inputs.NO_MAPS)
         return
-    _, median, times = timed(256, 7, "phong")
+    sets, median, times = timed(256, 7, "phong")
     yield _timed_goal("Phong set of 7 levels at 256^2", median, times, 67.5, "cmft 3400")
+    yield from _phong_levels(sets, 256)  # cmft's error at 256^2 was never measured: it is held to that at 128^2
+
+
+def _phong_levels(sets: dict[str, list], source: int) -> Iterator[Goal]:
+    worst_studio = 0.0
+    for level, (middle, worst) in enumerate(CMFT):
+        p = 1 + 2 ** (1 + 8 * (1 - level / 7))
+        nmae, largest, _ = compare(level, sets, source, "phong", p)
+        worst_studio = max(worst_studio, *(v for name, v in largest.items() if "studio" in name))
+        yield Goal(
+            f"Phong p={p:.3g} at {sets[next(iter(sets))][level].size}^2 from {source}^2: nMAE median, worst",
+            f"{percent(float(np.median(list(nmae.values()))))}, {percent(max(nmae.values()))}",
+            f"<= {middle}, {worst} % (cmft)",
+            np.median(list(nmae.values())) <= middle / 100 and max(nmae.values()) <= worst / 100,
+            by_map(nmae),
+        )
+    yield Goal(
+        f"Phong set from {source}^2, studio map: largest relative error",
+        f"{worst_studio:.3f}",
+        "<= 0.1 (cmft 0.89)",
+        worst_studio <= 0.1,
+    )
 
 
 @row("light", "prefiltered GGX set against cmgen, 256^2")
