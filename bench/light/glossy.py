@@ -104,11 +104,11 @@ def energy() -> Iterator[Goal]:
     yield Goal("rho(theta_v, s) against quadrature", f"{worst:.4f}", "<= 0.005", worst <= 0.005)
     normals, views = pairs(200)
     white = fastibl.CubeMap(np.ones((6, 32, 32, 3)))
-    for method in METHODS:
+    for method in dict.fromkeys([*METHODS, *fastibl.methods("glossy")]):
         lighting = fastibl.Lighting(white, glossy=method)
         worst = max(
             float(np.abs(lighting.glossy(normals, views, s) - 1).max())
-            for s in (1.0, 3.0, 6.0, 50.0, 700.0, 2048.0, 1e5, np.inf)
+            for s in (0.0, 1.0, 3.0, 6.0, 50.0, 700.0, 2048.0, 1e5, np.inf)
         )
         yield Goal(f"{method}: white furnace", f"{worst:.1e}", "<= 1e-06", worst <= 1e-6)
 
