@@ -29,7 +29,7 @@ def _irradiance(lighting: fastibl.Lighting, normals: NDArray, _: NDArray) -> NDA
 
 
 def evaluators(cube: fastibl.CubeMap, exponents: tuple[float, ...]) -> Iterator[tuple[str, Evaluator]]:
-    """Every diffuse method, and every glossy one at each exponent."""
+    """Every diffuse method, every glossy one at each exponent, and GGX on chains of each kind."""
     for method in fastibl.methods("diffuse"):
         lighting = fastibl.Lighting(cube, diffuse=method)
         yield str(method), partial(_irradiance, lighting)
@@ -37,6 +37,10 @@ def evaluators(cube: fastibl.CubeMap, exponents: tuple[float, ...]) -> Iterator[
         lighting = fastibl.Lighting(cube, glossy=method)
         for s in exponents:
             yield f"{method} s = {s:g}", partial(lighting.glossy, exponent=s)
+    for chain in ("mip", "centroid", "prefiltered"):
+        lighting = fastibl.Lighting(cube, glossy=chain)
+        for roughness in (0.1, 0.3, 0.6, 1.0):
+            yield f"GGX on {chain}, roughness {roughness:g}", partial(lighting.ggx, roughness=roughness)
 
 
 def edges() -> Iterator[tuple[NDArray, NDArray, NDArray]]:
