@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
-from fastibl.comparison import irradiance_error
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from ..light.speed import looking
+from .sweep import mean_error
 
 FULL_WELL, READ_NOISE = 4000.0, 6.0  # electrons
 _EXPOSED = 0.4  # mean of the darker nine tenths, as a share of white
@@ -86,11 +86,11 @@ def captured(truth: fastibl.CubeMap, steps: list[float], veil: float = 0.0) -> f
 
 
 def error(truth: fastibl.CubeMap, env: fastibl.Environment) -> float:
-    """Median over normals of the irradiance's error, from what was seen above the horizon."""
+    """Mean over normals of the irradiance's error, from what was seen above the horizon."""
     seen = (env.confidence > 0) & (fastibl.texel_directions(_SIZE)[..., 2] > 0)
     ours = np.where(seen[..., None], env.radiance.faces, 0)
     level = next(truth.level(k) for k in range(truth.level_count) if truth.level(k).shape[1] == _SIZE)
-    return irradiance_error(fastibl.CubeMap(ours), fastibl.CubeMap(np.where(seen[..., None], level, 0)))
+    return mean_error(fastibl.CubeMap(ours), fastibl.CubeMap(np.where(seen[..., None], level, 0)))
 
 
 @row("capture", "merge of exposures")

@@ -11,6 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 import fastibl
 from fastibl import recording, room, shutter, simulator
@@ -22,13 +26,26 @@ from .. import inputs
 from ..brute import CACHE
 
 FRESH = "immenstadter_horn"  # a place with a sun
-ROOM = "room"  # the built-in room, with walls and lamps at 1 to 3 m
+ROOM = "room"  # the built-in room, with walls, windows and a ceiling light at 1 to 3 m
+LIT_ROOM = "room with its lamp"  # the same while a lamp 2.5 m away is on
 _SOURCES = tuple(Path(inspect.getfile(module)) for module in (recording, room, shutter, simulator))
+
+
+class LitRoom(room.Room):
+    """The built-in room while its lamp is on."""
+
+    def irradiance(self, points: ArrayLike, lamp: bool = False, reflected: bool = True) -> NDArray[np.float32]:
+        return super().irradiance(points, True, reflected)
+
+    def radiance(
+        self, position: ArrayLike, directions: ArrayLike, lamp: bool = False, unit: bool = False
+    ) -> NDArray[np.float32]:
+        return super().radiance(position, directions, True, unit)
 
 
 def recorded(place: str, **options) -> fastibl.Recording:
     """fastibl.simulate(...) in a place given by name; kept by its options and by the sources that make it."""
-    path = {ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))
+    path = {ROOM: None, LIT_ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))
     named = {name: getattr(value, "__qualname__", value) for name, value in options.items()}
     parts = hashlib.sha256(repr((place, fastibl.__version__, sorted(named.items()))).encode())
     given = [Path(inspect.getfile(value)) for value in options.values() if inspect.isfunction(value)]
@@ -38,7 +55,7 @@ def recorded(place: str, **options) -> fastibl.Recording:
     if not folder.is_dir():
         made = folder.with_suffix(f".{os.getpid()}.part")  # other processes may make the same one
         shutil.rmtree(made, ignore_errors=True)
-        fastibl.simulate(path, out=made, **options)
+        fastibl.simulate(LitRoom() if place == LIT_ROOM else path, out=made, **options)
         with contextlib.suppress(OSError):  # another process was first
             made.rename(folder)
         shutil.rmtree(made, ignore_errors=True)
@@ -78,10 +95,11 @@ class Sweep:
 
 
 @cache
-def sweep(place: str, distance: float = float("inf")) -> Sweep:
-    """60 frames in 6 s by both cameras (63 and 78 degrees wide) with brackets, tracked."""
+def sweep(place: str, **known: Any) -> Sweep:
+    """60 frames in 6 s by both cameras (63 and 78 degrees wide) with brackets, tracked. known: what the session is told
+    of distances."""
     film = sweep_film(place, seconds=6, fps=10, seed=0)
-    session = fastibl.Session(inputs.scene(), film.rig, film.board, distance=distance)
+    session = fastibl.Session(inputs.scene(), film.rig, film.board, **known)
     true = truth_of(film).environment(0.0)
     tracked, result = 0, None
     for frame in film:
