@@ -106,7 +106,7 @@ def formatted(title: str, goals: Sequence[Goal]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     from fastibl import set_threads
 
-    from . import capture, light, paper, plan, product, shadows  # noqa: F401 - fill their tables
+    from . import capture, fuzzing, light, paper, plan, product, shadows  # noqa: F401 - fill their tables
     from .measure import commit, cpu, yardstick_seconds
 
     set_threads(1)  # rows that use more say so
