@@ -97,8 +97,8 @@ def formatted(title: str, goals: Sequence[Goal]) -> str:
             out.append("-" * (sum(widths) + 10))
         else:
             out += [f"    {note}" for note in goals[k - 1].notes]
-    failed, skips = sum(g.passed is False for g in goals), sum(g.measured == "skipped" for g in goals)
-    met = sum(g.passed is True for g in goals)
+    met, failed = (sum(g.verdict == word for g in goals) for word in ("yes", "no"))
+    skips = sum(g.measured == "skipped" for g in goals)
     out.append(f"{met} met, {failed} missed, {skips} skipped")
     return "\n".join(out)
 
@@ -133,7 +133,7 @@ def report(chosen: dict[str, list[Row]], machine: str) -> int:
     for name, rows in chosen.items():
         if rows:
             goals = list(measured(rows))
-            failed |= any(g.passed is False for g in goals)
+            failed |= any(g.verdict == "no" for g in goals)
             print(formatted(f"goals: {name} ({machine})", goals), flush=True)
     return int(failed)
 

@@ -97,6 +97,14 @@ def test_a_missed_goal_and_a_broken_row_fail(capsys):
     assert "RuntimeError: no light" in out and "1 met, 1 missed, 0 skipped" in out
 
 
+def test_goals_of_numpy_truths_count_as_others_do(capsys):
+    met, missed = (Goal("time", "1", "2", truth) for truth in (np.float64(1) <= 2, np.float64(3) <= 2))
+    assert goals.report({"light": [fake(met)]}, "a machine") == 0
+    assert "1 met, 0 missed" in capsys.readouterr().out
+    assert goals.report({"light": [fake(met, missed)]}, "a machine") == 1
+    assert "1 met, 1 missed, 0 skipped" in capsys.readouterr().out
+
+
 def test_only_selects_rows_by_word(capsys):
     assert goals.main(["paper", "--only", "FURNACE"]) == 0
     out = capsys.readouterr().out
