@@ -69,19 +69,38 @@ def sweep_film(place: str, **options) -> fastibl.Recording:
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of a sweep. error: median over normals, of the irradiance of the map captured so far."""
+    """A frame of a sweep. error: median over normals, of the irradiance of the map captured so far. pushed: the same
+    where unseen texels are filled by push and pull."""
 
     coverage: float
     predicted: float
     low: float
     high: float
     error: float
+    pushed: float
 
 
 def moment_of(environment: fastibl.Environment, true: fastibl.CubeMap) -> Moment:
     low, high = environment.predicted_interval
-    error = irradiance_error(environment, true)
-    return Moment(environment.coverage, environment.predicted_error, low, high, error)
+    error, pushed = irradiance_error(environment, true), irradiance_error(push_pull(environment), true)
+    return Moment(environment.coverage, environment.predicted_error, low, high, error, pushed)
+
+
+def push_pull(environment: fastibl.Environment) -> fastibl.CubeMap:
+    """What was seen, and elsewhere the mean of the smallest square around that was seen at all; of all faces where
+    nothing of a face was."""
+    weight = (environment.confidence > 0).astype(np.float64)[..., None]
+    levels = [(environment.radiance.faces * weight, weight)]
+    while levels[-1][0].shape[1] > 1:
+        n = levels[-1][0].shape[1] // 2
+        levels.append(tuple(x.reshape(6, n, 2, n, 2, -1).sum(axis=(2, 4)) for x in levels[-1]))
+    light, weight = (x.sum(axis=0, keepdims=True) for x in levels[-1])
+    filled = np.broadcast_to(light / np.maximum(weight, 1), (6, 1, 1, 3))
+    for light, weight in reversed(levels):
+        step = light.shape[1] // filled.shape[1]
+        coarser = filled.repeat(step, axis=1).repeat(step, axis=2)
+        filled = np.where(weight > 0, light / np.maximum(weight, 1), coarser)
+    return fastibl.CubeMap(filled.astype(np.float32))
 
 
 @dataclass(frozen=True)
