@@ -10,7 +10,7 @@ methods draw with shadow maps, as in use. The object is shaded alike in all pict
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import fastibl
 
+from ..goals import Goal, row
 from ..measure import ROOT
 from . import place_pictures, truth
 from .plane import encoded
@@ -177,6 +178,21 @@ def error_table(errors: Mapping[str, Mapping[str, Mapping[str, truth.Errors]]]) 
 
 
 BEGIN, END = "<!-- ./dev bench shadow-pictures writes from here -->", "<!-- to here -->"
+
+
+@row("shadow", "pictures")
+def kept() -> Iterator[Goal]:
+    """What the page shows; ./dev bench shadow-pictures draws it."""
+    there = [name for name in truth.JUDGED if (IMAGES / f"shadow-{name}.jpg").is_file()]
+    table = PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0]
+    listed = [name for name in truth.lights(SIZE) if f"| {name} |" in table]
+    count = len(truth.lights(SIZE))
+    yield Goal(
+        "pictures of truth, paper's method, ours and ten times the difference in the docs: objects, lights",
+        f"{len(there)} of {len(truth.JUDGED)}, {len(listed)} of {count}",
+        "all",
+        len(there) == len(truth.JUDGED) and len(listed) == count,
+    )
 
 
 def main() -> list[Path]:
