@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.expected import present
 from fastibl.recording import truth_of
 from fastibl.simulator import DistantPlace, HandPath, simulate
 
@@ -31,13 +32,21 @@ class Sweep:
     errors: NDArray
     seconds: NDArray  # CPU time of the tracking pass in these frames
     missing: int  # frames without a pose of either kind
-    coverage: float
+    coverage: float  # of the sphere, but for the directions in which the map's centre sees the board's page
     above: float  # of the half above the horizon
     returned: float  # degrees between the board's pose and the last one by the surroundings, each against the truth
 
 
 def _angle(a: fastibl.Pose, b: fastibl.Pose) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(a.rotation @ b.rotation.T) - 1) / 2, -1, 1))))
+
+
+def _page(board: fastibl.Board, directions: NDArray, centre: NDArray) -> NDArray[np.bool_]:
+    """Whether the board's page is seen from the map's centre. It is a fifth of the sphere, because it lies close below;
+    what it shows is no light of the place, and is filled from around."""
+    down = np.maximum(-directions[..., 2], 1e-12)
+    at = np.asarray(centre)[:2] + directions[..., :2] * (centre[2] / down)[..., None]
+    return (directions[..., 2] < 0) & (np.abs(at) < (board.width / 2, board.height / 2)).all(axis=-1)
 
 
 @cache
@@ -58,12 +67,13 @@ def swept(place: str, gyro: float | None = None) -> Sweep:
     size = session.capture.last_seen.shape[-1]
     seen = np.isfinite(session.capture.last_seen)
     angles = np.broadcast_to(fastibl.texel_solid_angles(size), seen.shape)
-    up = fastibl.texel_directions(size)[..., 2] > 0
+    directions = fastibl.texel_directions(size)
+    up, page = directions[..., 2] > 0, _page(film.board, directions, present(result.environment).centre)
     return Sweep(
         np.array(errors),
         np.array(seconds),
         missing,
-        float(angles[seen].sum() / angles.sum()),
+        float(angles[seen & ~page].sum() / angles[~page].sum()),
         float(angles[seen & up].sum() / angles[up].sum()),
         errors[-1] if errors else float("nan"),
     )
@@ -88,17 +98,18 @@ def out_of_view() -> Iterator[Goal]:
                 f"{len(s.errors)} frames by the surroundings, {s.missing} without any pose",
             ),
         )
-    if inputs.MAPS:
-        whole = {name: swept(name).coverage for name in inputs.MAPS}
-        yield Goal(
-            f"10 s sweep, board in view at start and end, {len(whole)} maps: seen of the whole sphere, median, least",
-            f"{percent(float(np.median(list(whole.values()))))}, {percent(min(whole.values()))}",
-            ">= 95 %",
-            min(whole.values()) >= 0.95,
-            ("without the board's page; below the horizon, the table was seen as far as the cameras looked down",),
-        )
     if not inputs.MAPS:
         yield skipped("10 s sweep, board in view at start and end", inputs.NO_MAPS)
+        return
+    whole = {name: swept(name).coverage for name in inputs.MAPS}
+    yield Goal(
+        f"10 s sweep, board in view at start and end, {len(whole)} maps: seen of the sphere without the board's page, "
+        "median, least",
+        f"{percent(float(np.median(list(whole.values()))))}, {percent(min(whole.values()))}",
+        ">= 95 %",
+        min(whole.values()) >= 0.95,
+        ("not seen: the zenith, a rim around the page, and what only the front camera sees of the table",),
+    )
 
 
 @row("capture", "cost of a turned frame")
