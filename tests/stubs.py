@@ -12,8 +12,8 @@ import fastibl
 STUB = Path(__file__).resolve().parents[1] / "python" / "fastibl" / "_fastibl.pyi"
 
 # Pointers of C++: pybind11 does not say that they may be None.
-MAY_BE_NONE = r"^ *def (_make_plan\(|_set_environment\(|__init__\(self, scene: Scene, rig: Rig).*"
-NONE_TOO = r"\b(environment: Environment|prior: CubeMap|samples: _SceneSamples)(?=[,)])"
+MAY_BE_NONE = r"^ *def (_make_plan\(|_judge_light\(|_set_environment\(|__init__\(self, scene: Scene, rig: Rig).*"
+NONE_TOO = r"\b(environment: Environment|judged: _JudgedLight|prior: CubeMap|samples: _SceneSamples)(?=[,)])"
 HASH = "__hash__: typing.ClassVar[None]  # type: ignore[assignment]"
 
 

@@ -551,3 +551,49 @@ def test_samples_of_a_lobe_are_not_chosen_where_walls_are_near():
         chosen[box is not None] = result.plan.methods.glossy
     print("glossy, with a box or without:", chosen)
     assert chosen[False] == "sampled" != chosen[True]
+
+
+def test_a_light_is_judged_once_for_all_budgets(monkeypatch):
+    """Whatever was planned before, a plan is that of a fresh scene; another budget alone needs no other judgement."""
+    judged = []
+
+    def counted(*arguments):
+        judged.append(arguments)
+        return fastibl._fastibl._judge_light(*arguments)
+
+    monkeypatch.setattr("fastibl.session._judge_light", counted)
+    one, other = lit_map(0), lit_map(1).radiance
+    camera, pose = camera_of(64, 48, 50.0), looking((0, 1, -0.7), (0.0, -0.25, 0.2))
+    baked = fastibl.MeshShadow(hollow_mesh(), progress=False)
+    steps = [
+        ({}, one, dict(error=0.02), True),
+        ({}, one, dict(error=0.02), False),
+        ({}, one, dict(error=0.3, track=False), False),
+        ({}, one, dict(error=0.02, milliseconds=3), True),
+        ({}, one, dict(milliseconds=5, costs={"mip": 20.0}), False),
+        ({}, one, {}, True),
+        ({}, other, dict(error=0.02), True),
+        ({}, other, dict(error=0.1), False),
+        ({}, other, dict(error=0.1, methods={"diffuse": "sh9"}), True),
+        ({}, other, dict(error=0.1, cast_shadow=False), True),
+        ({}, other, dict(error=0.1, capture=True), True),
+        ({}, other, dict(error=0.1, offline=True), True),
+        ({}, other, dict(error=0.1, camera=camera, camera_from_marker=pose), True),
+        ({}, other, dict(error=0.05, camera=camera, camera_from_marker=pose), False),
+        (dict(material=SHINY), other, dict(error=0.05), True),
+        (dict(shadow_strength=0.5), other, dict(error=0.05), True),
+        (dict(shadow_color=(0.2, 0.1, 0.1)), other, dict(error=0.05), True),
+        (dict(baked_shadow=baked), other, dict(error=0.05), True),
+    ]
+    kept, state = fastibl.Scene(hollow_mesh(), BOTH, spheres=8), {}
+    for change, light, asked, anew in steps:
+        state |= change
+        fresh = fastibl.Scene(hollow_mesh(), BOTH, spheres=8)
+        for name, value in state.items():
+            setattr(fresh, name, value)
+        for name, value in change.items():
+            setattr(kept, name, value)
+        judged.clear()
+        plan = fastibl.make_plan(kept, light, **asked)
+        assert len(judged) == anew, (change, asked)
+        assert str(plan) == str(fastibl.make_plan(fresh, light, **asked)), (change, asked)

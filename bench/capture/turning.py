@@ -45,7 +45,7 @@ def _page(board: fastibl.Board, directions: NDArray, centre: NDArray) -> NDArray
     """Whether the board's page is seen from the map's centre. It is a fifth of the sphere, because it lies close below;
     what it shows is no light of the place, and is filled from around."""
     down = np.maximum(-directions[..., 2], 1e-12)
-    at = np.asarray(centre)[:2] + directions[..., :2] * (centre[2] / down)[..., None]
+    at = centre[:2] + directions[..., :2] * (centre[2] / down)[..., None]
     return (directions[..., 2] < 0) & (np.abs(at) < (board.width / 2, board.height / 2)).all(axis=-1)
 
 
@@ -68,7 +68,7 @@ def swept(place: str, gyro: float | None = None) -> Sweep:
     seen = np.isfinite(session.capture.last_seen)
     angles = np.broadcast_to(fastibl.texel_solid_angles(size), seen.shape)
     directions = fastibl.texel_directions(size)
-    up, page = directions[..., 2] > 0, _page(film.board, directions, present(result.environment).centre)
+    up, page = directions[..., 2] > 0, _page(film.board, directions, np.array(present(result.environment).centre))
     return Sweep(
         np.array(errors),
         np.array(seconds),

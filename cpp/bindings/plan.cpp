@@ -40,6 +40,13 @@ constexpr std::pair<const char*, Products> kProducts[] = {
     {"object", product::object},
     {"image", product::image}};
 
+// What is chosen for a map, and its own error, so that the bill can be judged before anything is
+// rendered; with a budget, also the errors of all candidates.
+struct JudgedLight {
+  Lighting lighting;
+  MeasuredErrors measured;
+};
+
 std::set<std::string> names_of(Products products) {
   std::set<std::string> names;
   for (const auto& [text, bit] : kProducts)
@@ -141,43 +148,50 @@ void bind_making(py::module_& module) {
       },
       py::arg("scene"), py::arg("camera"), py::arg("camera_from_marker"),
       "Places that a picture shows; None where it shows nothing of the object.");
+  py::class_<JudgedLight, std::shared_ptr<JudgedLight>>(module, "_JudgedLight");
+  module.def(
+      "_judge_light",
+      [](const Scene& scene, const std::shared_ptr<Environment>& light, const Methods& methods,
+         bool capture, bool cast_shadow, bool budgets, bool hurried, bool offline,
+         const SceneSamples* samples) {
+        const py::gil_scoped_release release;
+        const std::shared_ptr<const CubeMap> radiance(light, &light->radiance);
+        JudgedLight judged;
+        LightingOptions choice;
+        choice.diffuse = methods.diffuse;
+        choice.diffuse_settings = methods.diffuse_settings;
+        choice.glossy = methods.glossy;
+        choice.glossy_settings = methods.glossy_settings;
+        choice.environment = light.get();
+        judged.lighting = fit_lighting(radiance, choice);
+        if (budgets) {
+          CandidateOptions from = candidate_options(scene, *light);
+          from.light_stays = !capture, from.hurried = hurried, from.offline = offline;
+          judged.measured = measure_errors(scene, samples ? samples : scene.samples.get(), radiance,
+                                           methods, candidates(methods, from), cast_shadow);
+        }
+        return judged;
+      },
+      py::arg("scene"), py::arg("light").none(false), py::arg("methods"), py::arg("capture"),
+      py::arg("cast_shadow"), py::arg("budgets"), py::arg("hurried"), py::arg("offline"),
+      py::arg("samples"));
   module.def(
       "_make_plan",
-      [](const Scene& scene, const std::shared_ptr<Environment>& environment,
+      [](const Scene& scene, const Environment* environment, const JudgedLight* judged,
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
-         double milliseconds, const std::map<std::string, double>& costs, bool offline, int width,
-         int height, const SceneSamples* samples) {
+         double milliseconds, const std::map<std::string, double>& costs, int width, int height,
+         const SceneSamples* samples) {
         const py::gil_scoped_release release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
         options.workload = workload_of(scene, width, height, capture, cast_shadow);
         if (samples) options.object_pixels = samples->object_area * width * height;
-        Lighting lighting;
-        MeasuredErrors measured;
-        if (environment) {
-          // What is chosen for this map, and its own error, so that the bill can be judged before
-          // anything is rendered.
-          LightingOptions choice;
-          choice.diffuse = methods.diffuse;
-          choice.diffuse_settings = methods.diffuse_settings;
-          choice.glossy = methods.glossy;
-          choice.glossy_settings = methods.glossy_settings;
-          lighting = fit_lighting({environment, &environment->radiance}, choice);
-          options.lighting = &lighting;
-          if (error > 0 || milliseconds > 0) {
-            CandidateOptions from = candidate_options(scene, *environment);
-            from.light_stays = !capture, from.hurried = milliseconds > 0, from.offline = offline;
-            measured = measure_errors(scene, samples ? samples : scene.samples.get(),
-                                      {environment, &environment->radiance}, methods,
-                                      candidates(methods, from), cast_shadow);
-          }
-          options.measured = &measured;
-        }
-        return make_plan(scene, environment.get(), options);
+        if (judged) options.lighting = &judged->lighting, options.measured = &judged->measured;
+        return make_plan(scene, environment, options);
       },
-      py::arg("scene"), py::arg("environment"), py::arg("methods"), py::arg("track"),
-      py::arg("capture"), py::arg("cast_shadow"), py::arg("error"), py::arg("milliseconds"),
-      py::arg("costs"), py::arg("offline"), py::arg("width"), py::arg("height"),
+      py::arg("scene"), py::arg("environment"), py::arg("judged"), py::arg("methods"),
+      py::arg("track"), py::arg("capture"), py::arg("cast_shadow"), py::arg("error"),
+      py::arg("milliseconds"), py::arg("costs"), py::arg("width"), py::arg("height"),
       py::arg("samples"));
 }
 

@@ -1763,6 +1763,8 @@ class Plan:
         """
 class _SceneSamples:
     pass
+class _JudgedLight:
+    pass
 class ObjectLayer:
     """
     The shaded object before it is laid over the picture.
@@ -2002,9 +2004,11 @@ def _grey(image: typing.Any, camera: Camera) -> numpy.typing.NDArray[numpy.uint8
     """
     (height, width) uint8 for detection, of a picture that must have the camera's size.
     """
+def _judge_light(scene: Scene, light: Environment, methods: _Methods, capture: bool, cast_shadow: bool, budgets: bool, hurried: bool, offline: bool, samples: _SceneSamples | None) -> _JudgedLight:
+    ...
 def _level_parameters(mapping: str, count: typing.SupportsInt | typing.SupportsIndex) -> list[float]:
     ...
-def _make_plan(scene: Scene, environment: Environment | None, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool, width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples | None) -> Plan:
+def _make_plan(scene: Scene, environment: Environment | None, judged: _JudgedLight | None, methods: _Methods, track: bool, capture: bool, cast_shadow: bool, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], width: typing.SupportsInt | typing.SupportsIndex, height: typing.SupportsInt | typing.SupportsIndex, samples: _SceneSamples | None) -> Plan:
     ...
 def _measure_costs() -> dict[str, float]:
     """

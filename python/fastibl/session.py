@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ._fastibl import (
     Pose,
     Rig,
     Scene,
+    _judge_light,
+    _JudgedLight,
     _make_plan,
     _Methods,
     _sample_scene,
@@ -82,22 +84,28 @@ def make_plan(
     resolved = resolve_methods(methods)
     if cast_shadow:
         bake_shadow(scene, resolved.shadow)
-    environment = _known(environment)
+    known = _known(environment)
     if capture is None:
-        capture = environment is None
+        capture = known is None
+    shown = None if camera is None or camera_from_marker is None else _shown(scene, camera, camera_from_marker)
+    judged = None
+    if environment is not None and known is not None:
+        budget, hurried = any(budgets), budgets[1] > 0
+        asked = resolved, capture, cast_shadow, budget, hurried, bool(offline), shown
+        judged = _judged(scene, environment, known, asked)
     return _make_plan(
         scene,
-        environment,
+        known,
+        judged,
         resolved,
         track,
         capture,
         cast_shadow,
         *budgets,
         dict(costs or {}),
-        bool(offline),
         camera.width if camera else 640,
         camera.height if camera else 480,
-        None if camera is None or camera_from_marker is None else _shown(scene, camera, camera_from_marker),
+        shown,
     )
 
 
@@ -110,6 +118,18 @@ def _shown(scene: Scene, camera: Camera, camera_from_marker: Pose) -> _SceneSamp
     if scene not in _SHOWN or _SHOWN[scene][0] != picture:
         _SHOWN[scene] = picture, _sample_scene(scene, *picture)
     return _SHOWN[scene][1]
+
+
+# For each scene, the light that was judged last, what was asked for, and the judgement: another budget needs no other.
+_JUDGED: WeakKeyDictionary[Scene, tuple[ref[Environment | CubeMap], tuple, _JudgedLight]] = WeakKeyDictionary()
+
+
+def _judged(scene: Scene, given: Environment | CubeMap, known: Environment, asked: tuple) -> _JudgedLight:
+    """given: the light as the program gave it, which never changes. asked: all arguments of _judge_light after it."""
+    state = (*asked, scene.material, scene.baked_shadow, scene.shadow_strength, tuple(scene.shadow_color))
+    if scene not in _JUDGED or _JUDGED[scene][0]() is not given or _JUDGED[scene][1] != state:
+        _JUDGED[scene] = ref(given), state, _judge_light(scene, known, *asked)
+    return _JUDGED[scene][2]
 
 
 def bake_shadow(scene: Scene, method: str = "auto") -> None:
