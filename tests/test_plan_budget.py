@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scenes import scene_of
+from test_place import ball
 
 import fastibl
 from conftest import same_error
@@ -18,6 +19,7 @@ from fastibl import costs
 from fastibl._fastibl import _due_seconds, _measured_errors, _plan_seconds, with_gl
 from fastibl.comparison import irradiance_error
 from fastibl.lighting import AUTO
+from fastibl.truth import TrueRenderer
 from views import camera_of, looking
 
 GLOSSY = fastibl.Material(diffuse=(0.4, 0.4, 0.4), glossy=(0.3, 0.3, 0.3), exponent=64)
@@ -537,3 +539,39 @@ def test_light_that_drifts_away_is_judged_in_steps():
     print(f"a quarter is new from frame {begins} on; judged by frame {changes}")
     # Until the last step the plan goes by what was judged before.
     assert begins + 5 <= changes[0] <= begins + 25 and min(np.diff(changes), default=60) >= 5
+
+
+def picture_of(session, pose, camera, table, exposure=1.0):
+    """The composite (h, w, 3) in linear light, cut at white, and what the object covers (h, w)."""
+    session.process(fastibl.Frame(0.0, back_from_marker=pose, back_exposure=exposure))
+    layer, rgba = session.object, np.zeros((camera.height, camera.width, 4))
+    rgba[layer.y : layer.y + layer.rgba.shape[0], layer.x : layer.x + layer.rgba.shape[1]] = layer.rgba
+    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    d = camera.unproject(np.stack([x, y], axis=-1)) @ pose.rotation
+    eye = pose.inverse().translation
+    gain = session.plane_gain.sample(eye[:2] - eye[2] / d[..., 2:] * d[..., :2]).astype(np.float64)
+    return np.minimum(exposure * (rgba[..., :3] + (1 - rgba[..., 3:]) * gain * table), 1), rgba[..., 3] > 0
+
+
+def test_the_bounce_of_a_floor_that_is_not_even_is_judged():
+    """A session takes the floor for even: where a lamp below the horizon is hidden by no shadow, it takes too much."""
+    d = fastibl.texel_directions(32)
+    faces = np.where(d[..., 2:] > 0, 0.5, 0.02) * np.ones(3)
+    faces[d @ [-0.98, 0, 0.2] > 0.97] = 30  # a low sun
+    faces[d @ [-0.8, 0, -0.6] > 0.9] = 8  # its light on the floor, before the object's shadow
+    cube = fastibl.CubeMap(faces)
+    scene = fastibl.Scene(ball(), fastibl.Material(diffuse=(0.8, 0.8, 0.8)), spheres=20)
+    camera, pose = camera_of(80, 60, 40.0), fastibl.Pose.look_at((0.3, -0.2, 0.25), (0, 0, 0.05))
+    methods = {"diffuse": "irradiance-cube", "self_shadow": "none", "shadow": "mesh", "bounce": "one-bounce"}
+    session = fastibl.Session(scene, fastibl.Rig(camera), environment=cube, error=0.0, methods=methods)
+    picture_of(session, pose, camera, 0.02)
+    true = TrueRenderer(scene, extent=1.0, grid=128)
+    back = np.zeros((60, 80, 3), np.uint8)
+    truth = true.render(back, 1.0, camera, pose, cube)
+    layer, made = session.object, np.zeros((60, 80, 4))
+    made[layer.y : layer.y + layer.rgba.shape[0], layer.x : layer.x + layer.rgba.shape[1]] = layer.rgba
+    whole = (truth.coverage == 1) & (made[..., 3] == 1)
+    error = np.sqrt(((made[..., :3] - truth.linear)[whole] ** 2).mean()) / truth.linear[whole].mean()
+    plan = fastibl.make_plan(scene, cube, error=0.5, methods=methods, camera=camera, camera_from_marker=pose)
+    print(f"error {error:.4f}, expected {plan.expected_error:.4f}")
+    assert 0.02 < error < 2 * plan.expected_error

@@ -30,7 +30,8 @@ constexpr float kPlaneLevel = 0.35f;  // of the plane in the picture, as a share
 // The same of the object's median pixel, at most: on a dark floor a picture is exposed for the
 // object.
 constexpr float kObjectLevel = 0.7f;
-constexpr float kBounceError = 0.06f;  // of the bounce's own size
+// Of the bounce's own size. It also takes the plane to be even, which is judged by itself.
+constexpr float kBounceError = 0.06f;
 // Error of rays that start once per triangle's part of a pixel, and so miss edges within it, by the
 // object's mean colour: here each sample has its own rays. By vertex, what is hidden is even over a
 // pixel.
@@ -359,7 +360,7 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
           const float kept = b == BounceMethod::none ? 0.0f : 1 - kBounceError;
           const ErrorAlone all = off(
               [&](std::size_t i) {
-                const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost[i] * (kept / kPi);
+                const glm::vec3 lost = j.diffuse_factor[i] * j.truth.lost_of_even[i] * (kept / kPi);
                 return j.emission[i] + glm::max(d[i] * glm::vec3(s[i]) - lost, glm::vec3(0)) +
                        g[i] * glossy_share(s[i], j.material);
               },
@@ -400,8 +401,9 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
   }
   for (const BounceMethod b : c.bounce)
     errors.bounce.push_back(alone([&](std::size_t i) {
-      const float missing = b == BounceMethod::none ? 1.0f : kBounceError;
-      return j.true_colour(i) + j.diffuse_factor[i] * j.truth.lost[i] * (missing / kPi);
+      const float kept = b == BounceMethod::none ? 0.0f : 1 - kBounceError;
+      const glm::vec3 missing = j.truth.lost[i] - kept * j.truth.lost_of_even[i];
+      return j.true_colour(i) + j.diffuse_factor[i] * missing / kPi;
     }));
 }
 

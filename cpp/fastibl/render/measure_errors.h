@@ -12,9 +12,10 @@ namespace fastibl {
 // Runs every candidate on the map and compares it, at the samples of the scene, with sums over the
 // map along the samples' rays. The parts of a colour are linear in light, so that every combination
 // is a sum of parts. There is no brute force for the bounce: where there is a bounce, its error is
-// taken as 6 % of its size (docs/shadow.md). What is brighter than white is cut, as in a picture of
-// which the object takes 15 %, and whose exposure puts the plane at 0.35 of white, or the object's
-// middle pixel at 0.7, whichever is darker.
+// taken as 6 % of its size (docs/shadow.md), and as what it misses of a plane that is not even.
+// What is brighter than white is cut, as in a picture of which the object takes 15 %, and whose
+// exposure puts the plane at 0.35 of white, or the object's middle pixel at 0.7, whichever is
+// darker.
 // The same scene, samples and map give the same bits. at: samples of the scene, from all round or
 // from one place. The result is empty where there are none, or the map has no light. Takes 20 to
 // 240 ms.

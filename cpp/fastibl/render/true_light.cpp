@@ -1,6 +1,7 @@
 #include "fastibl/render/true_light.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "fastibl/core/lanes.h"
@@ -25,7 +26,8 @@ SampleFlux::SampleFlux(const CubeMap& map, const SceneSamples& samples) {
         (level.size() == n ? level.texel(face, x, y) : level.sample(samples.directions[k]));
     for (int c = 0; c < 3; ++c) channels[c].push_back(light[c]);
     all += light;
-    plane += std::max(samples.directions[k].z, 0.0f) * light;
+    const float z = samples.directions[k].z;
+    (z > 0 ? plane : below) += std::abs(z) * light;
   }
 }
 
@@ -112,7 +114,7 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
                      const BrightPieces& bright, const std::optional<LobeShape>& lobe) {
   const std::size_t count = samples.surface.size(), directions = samples.direction_count();
   const std::vector<glm::vec3> black(count, glm::vec3(0));
-  TrueLight light{black, black, black, black, black};
+  TrueLight light{black, black, black, black, black, black};
   std::vector<float> x, y, z;
   for (const glm::vec3& d : samples.directions)
     x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
@@ -162,22 +164,27 @@ void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowM
               TrueLight& light) {
   constexpr std::size_t kStep = 12;  // one of so many directions, other ones for each sample
   const std::size_t directions = samples.direction_count();
+  const glm::vec3 even = flux.below / kPi;  // radiance
   parallel_for(int(samples.surface.size()), kGrain, [&](int begin, int end) {
     std::vector<glm::vec2> points;
     std::vector<glm::vec3> weights, ratios;
+    std::vector<float> angles;  // projected solid angles
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
-      points.clear(), weights.clear();
+      points.clear(), weights.clear(), angles.clear();
       for (std::size_t k = i % kStep; k < directions; k += kStep) {
         const glm::vec3 d = samples.directions[k];
         if (!samples.free[i * directions + k] || !(d.z < 0) || !(s.position.z > 0)) continue;
         points.push_back(glm::vec2(s.position) - s.position.z / d.z * glm::vec2(d));
         weights.push_back(float(kStep) * glm::dot(d, s.normal) * flux[k]);
+        angles.push_back(float(kStep) * glm::dot(d, s.normal) * samples.solid_angles[k]);
       }
       ratios.assign(points.size(), glm::vec3(1));
       shadow.sample(points, ratios);
-      for (std::size_t k = 0; k < points.size(); ++k)
+      for (std::size_t k = 0; k < points.size(); ++k) {
         light.lost[i] += weights[k] * (1.0f - ratios[k]);
+        light.lost_of_even[i] += angles[k] * even * (1.0f - ratios[k]);
+      }
     }
   });
 }

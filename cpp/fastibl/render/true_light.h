@@ -17,7 +17,8 @@ namespace fastibl {
 // Radiance times solid angle for the samples' directions, channel by channel.
 struct SampleFlux {
   std::vector<float> channels[3];
-  glm::vec3 plane{0}, all{0};  // E(z), and the sum over all directions
+  // E(z), E(-z), and the sum over all directions.
+  glm::vec3 plane{0}, below{0}, all{0};
 
   SampleFlux(const CubeMap& map, const SceneSamples& samples);
   glm::vec3 operator[](std::size_t direction) const {
@@ -52,13 +53,14 @@ struct TrueLight {
   std::vector<glm::vec3> irradiance, open_irradiance;  // without what the object hides, and with it
   std::vector<glm::vec3> lobe, open_lobe;  // mean radiance under the glossy lobe, likewise
   std::vector<glm::vec3> lost;             // irradiance lost to the shadow on the plane
+  std::vector<glm::vec3> lost_of_even;     // the same of an even plane that gives the same E(-z)
 };
 
-// `lost` is still zero. Without a lobe, its radiances are black.
+// `lost` and `lost_of_even` are still zero. Without a lobe, its radiances are black.
 TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
                      const BrightPieces& bright, const std::optional<LobeShape>& lobe);
 
-// Sets `lost`: what the plane's shadow keeps from the samples. Every twelfth direction stands for
+// Sets them: what the plane's shadow keeps from the samples. Every twelfth direction stands for
 // twelve; each sample uses other ones.
 void add_lost(const SceneSamples& samples, const SampleFlux& flux, const ShadowMap& shadow,
               TrueLight& light);
