@@ -553,6 +553,44 @@ def picture_of(session, pose, camera, table, exposure=1.0):
     return np.minimum(exposure * (rgba[..., :3] + (1 - rgba[..., 3:]) * gain * table), 1), rgba[..., 3] > 0
 
 
+def cup_mesh():
+    """A tube with a bottom, open above, 0.16 m high and 0.1 m wide."""
+    turn, profile = 2 * np.pi * np.arange(32) / 32, []
+    for r, z in [*((0.05, z) for z in np.linspace(0, 0.16, 9)), *((0.044, z) for z in np.linspace(0.16, 0.01, 9))]:
+        profile.append(np.stack([r * np.cos(turn), r * np.sin(turn), np.full(32, z)], axis=1))
+    vertices = np.concatenate([*profile, [[0, 0, 0.01]]])
+    triangles, last = [], len(vertices) - 1
+    for ring in range(17):
+        for k in range(32):
+            a, b = 32 * ring + k, 32 * ring + (k + 1) % 32
+            triangles += [(a, b, b + 32), (a, b + 32, a + 32)]
+    triangles += [(32 * 17 + k, 32 * 17 + (k + 1) % 32, last) for k in range(32)]
+    return fastibl.Mesh(vertices, np.array(triangles))
+
+
+def test_a_cavity_does_not_darken_the_bounce():
+    """The plane does not see a cup's inside: what is left out with the bounce is the light of its outside."""
+    d = fastibl.texel_directions(32)
+    sky = np.where(np.abs(d[..., 2:] - 0.4) < 0.1, 3.0, 0.5)
+    cube = fastibl.CubeMap(np.where(d[..., 2:] > 0, sky, 0.9) * np.ones(3))
+    material = fastibl.Material(diffuse=(0.6, 0.6, 0.6))
+    scene = fastibl.Scene(cup_mesh(), material, spheres=20)
+    camera, pose = camera_of(160, 120, 50.0), fastibl.Pose.look_at((0.02, 0.0, 0.6), (0, 0, 0.08))
+    methods = {"diffuse": "irradiance-cube", "self_shadow": "transfer", "shadow": "mesh"}
+    pictures, table = {}, 0.9
+    for bounce in ("none", "one-bounce"):
+        asked = {**methods, "bounce": bounce}
+        session = fastibl.Session(scene, fastibl.Rig(camera), environment=cube, error=0.0, methods=asked)
+        pictures[bounce], covered = picture_of(session, pose, camera, table, 0.35 / table)
+    without, full = pictures["none"], pictures["one-bounce"]
+    counted = covered | (np.abs(full - 0.35).max(axis=-1) > 0.003)
+    effect = np.sqrt(((without - full)[counted] ** 2).mean()) / full[counted].mean()
+    picture = {"camera": camera, "camera_from_marker": pose}
+    plan = fastibl.make_plan(scene, cube, error=0.5, methods={**methods, "bounce": "none"}, **picture)
+    print(f"without the bounce: {effect:.4f}, at most {line(plan, 'bounce').bound:.4f}")
+    assert effect < line(plan, "bounce").bound
+
+
 def test_the_bounce_of_a_floor_that_is_not_even_is_judged():
     """A session takes the floor for even: where a lamp below the horizon is hidden by no shadow, it takes too much."""
     d = fastibl.texel_directions(32)

@@ -180,21 +180,31 @@ glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, 
 }
 
 // Mean of the light `sent` by the samples, as it reaches a place on the plane; each sample is
-// weighted by the form factor of the surface that it stands for.
+// weighted by the form factor of the surface that it stands for. Where any of them sees the place,
+// those do not count from which other parts of the object hide it: a cup's inside is dark.
 glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::vec2 place) {
   constexpr float kGrazing = 0.1f;
+  constexpr std::size_t n = SceneSamples::kLevelSize;
+  constexpr std::size_t kEnough = 1200;  // samples: as many as all views have
   const float near2 = 1e-4f * samples.radius * samples.radius;
-  glm::vec3 sum(0);
-  float all = 0;
-  for (std::size_t i = 0; i < sent.size(); ++i) {
+  glm::vec3 sum(0), free_sum(0);
+  float all = 0, all_free = 0;
+  const std::size_t step = (sent.size() + kEnough - 1) / kEnough;
+  for (std::size_t i = 0; i < sent.size(); i += step) {
     const SceneSamples::Surface& s = samples.surface[i];
     const glm::vec3 d = s.position - glm::vec3(place, 0);
     const float facing = -glm::dot(s.normal, d), distance2 = glm::dot(d, d) + near2;
+    if (!(facing > 0 && d.z > 0)) continue;
     const float seen = std::max(glm::dot(s.normal, s.to_eye), kGrazing);
-    const float part = facing > 0 && d.z > 0 ? facing * d.z / (seen * distance2 * distance2) : 0;
+    const float part = facing * d.z / (seen * distance2 * distance2);
     sum += part * sent[i], all += part;
+    const TexelPlace towards = texel_at(-d, int(n));
+    const std::size_t k =
+        (std::size_t(towards.face) * n + std::size_t(towards.y)) * n + std::size_t(towards.x);
+    if (samples.free[i * samples.direction_count() + k])
+      free_sum += part * sent[i], all_free += part;
   }
-  return all > 0 ? sum / all : glm::vec3(0);
+  return all_free > 0 ? free_sum / all_free : all > 0 ? sum / all : glm::vec3(0);
 }
 
 // Whether this factor on the plane's light changes the plane's picture by more than a code.
