@@ -613,3 +613,21 @@ def test_the_bounce_of_a_floor_that_is_not_even_is_judged():
     plan = fastibl.make_plan(scene, cube, error=0.5, methods=methods, camera=camera, camera_from_marker=pose)
     print(f"error {error:.4f}, expected {plan.expected_error:.4f}")
     assert 0.02 < error < 2 * plan.expected_error
+
+
+def test_a_picture_of_little_but_a_dark_object_needs_its_bounce():
+    """It is too dark to matter beside a bright plane; where the picture shows no plane, its own light counts."""
+    scene = fastibl.Scene(cup_mesh(), fastibl.Material((0.0004,) * 3), spheres=20)
+    cube = fastibl.CubeMap(np.where(fastibl.texel_directions(32)[..., 2:] > 0, 1, 0.9) * np.ones(3))
+    camera, pose = camera_of(80, 60, 10.0), fastibl.Pose.look_at((0.3, 0, 0.1), (0, 0, 0.03))
+    pictures = []
+    for bounce in ("none", "one-bounce"):
+        asked = {"diffuse": "irradiance-cube", "self_shadow": "transfer", "shadow": "mesh", "bounce": bounce}
+        session = fastibl.Session(scene, fastibl.Rig(camera), environment=cube, error=0.0, methods=asked)
+        pictures.append(picture_of(session, pose, camera, 0.9, 2000.0)[0])
+        assert session.object.rgba[..., 3].min() == 1
+    without, full = pictures
+    effect = np.sqrt(((without - full) ** 2).mean()) / full.mean()
+    bounce = line(fastibl.make_plan(scene, cube, error=0.02, camera=camera, camera_from_marker=pose), "bounce")
+    print(f"without the bounce: {effect:.4f}; {bounce.reason or 'included'}, at most {bounce.bound:.4f}")
+    assert effect > 0.02 and (bounce.included or effect < bounce.bound)

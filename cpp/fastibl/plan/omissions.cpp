@@ -1,8 +1,10 @@
 #include "fastibl/plan/omissions.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
+#include <vector>
 
 namespace fastibl {
 namespace {
@@ -40,13 +42,24 @@ std::optional<double> bounce_bound(const Scene& scene, const Lighting* lighting)
   return bound;
 }
 
+// The same where pictures were judged: a picture that shows little but a dark object is as dark,
+// and is changed by as large a part as a bright one.
+std::optional<double> judged_bounce(const MeasuredErrors* measured) {
+  if (!measured || measured->empty()) return std::nullopt;
+  const std::vector<BounceMethod>& methods = measured->candidates.bounce;
+  const auto none = std::find(methods.begin(), methods.end(), BounceMethod::none);
+  if (none == methods.end()) return std::nullopt;
+  return Plan::kOmitted * std::sqrt(measured->bounce[std::size_t(none - methods.begin())].worst);
+}
+
 // A share of the error budget that leaving the bounce out may take.
 constexpr double kBounceBudget = 0.1;
 
 Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods& methods,
                    const char* dispensable) {
   if (!options.cast_shadow || !scene.casts_shadow()) return {"there is no shadow to go with it"};
-  const std::optional<double> bound = bounce_bound(scene, options.lighting);
+  std::optional<double> bound = bounce_bound(scene, options.lighting);
+  if (bound && *bound > 0) bound = std::max(*bound, judged_bounce(options.measured).value_or(0));
   if (bound && *bound <= kBounceBudget * options.error)
     return {
         *bound == 0 ? "the object sends out no diffuse light" : "the object is too dark to matter",
