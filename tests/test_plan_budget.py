@@ -615,6 +615,18 @@ def test_the_bounce_of_a_floor_that_is_not_even_is_judged():
     assert 0.02 < error < 2 * plan.expected_error
 
 
+def test_a_plan_knows_of_near_lights():
+    scene = scene_of(fastibl.shapes.figurine(0.2), fastibl.Material((0.8, 0.8, 0.8)), spheres=20)
+    d = fastibl.texel_directions(32)
+    cube = fastibl.CubeMap((0.3 + 100 * (d[..., 2:] > 0.97)) * np.ones(3))
+    for height, near in ((0.6, True), (6000.0, False)):
+        light = fastibl.Environment(cube, lights=[[0, 0, height, 0.2 * height]])
+        plan = fastibl.make_plan(scene, light, error=0.02)
+        assert line(plan, "near_light").included == near
+        assert near or 0 < line(plan, "near_light").bound < 0.002
+    assert line(fastibl.make_plan(scene, cube, error=0.02), "near_light").reason == "no light is known to be near"
+
+
 def test_a_picture_of_little_but_a_dark_object_needs_its_bounce():
     """It is too dark to matter beside a bright plane; where the picture shows no plane, its own light counts."""
     scene = fastibl.Scene(cup_mesh(), fastibl.Material((0.0004,) * 3), spheres=20)
