@@ -8,7 +8,12 @@
 
 #include <array>
 #include <cstdio>
+#include <initializer_list>
+#include <memory>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/gl/context.h"
@@ -265,11 +270,17 @@ namespace {
 struct DesktopContext {
   EGLDisplay display = EGL_NO_DISPLAY;
   EGLContext context = EGL_NO_CONTEXT;
-  DesktopContext() {
+  explicit DesktopContext(EGLint profile = EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT) {
     display = eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
     if (display == EGL_NO_DISPLAY || !eglInitialize(display, nullptr, nullptr)) return;
     eglBindAPI(EGL_OPENGL_API);
-    const EGLint version[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_NONE};
+    const EGLint version[] = {EGL_CONTEXT_MAJOR_VERSION,
+                              4,
+                              EGL_CONTEXT_MINOR_VERSION,
+                              5,
+                              EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                              profile,
+                              EGL_NONE};
     context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, version);
     if (context == EGL_NO_CONTEXT) return;
     eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context);
@@ -294,11 +305,15 @@ std::vector<GLfloat> desktop_state() {
     glGetIntegeri_v(GL_SCISSOR_BOX, i, scissor);
     for (int k = 0; k < 4; ++k)
       all.insert(all.end(), {GLfloat(mask[k]), viewport[k], GLfloat(scissor[k])});
-    all.push_back(glIsEnabledi(GL_BLEND, i));
+    all.push_back(glIsEnabledi(GL_BLEND, i)), all.push_back(glIsEnabledi(GL_SCISSOR_TEST, i));
+    GLfloat range[2];
+    glGetFloati_v(GL_DEPTH_RANGE, i, range);
+    all.insert(all.end(), range, range + 2);
   }
   for (const GLenum name :
        {GL_CLIP_ORIGIN, GL_CLIP_DEPTH_MODE, GL_COLOR_LOGIC_OP, GL_FRAMEBUFFER_SRGB, GL_DEPTH_CLAMP,
-        GL_TEXTURE_CUBE_MAP_SEAMLESS, GL_POLYGON_MODE}) {
+        GL_TEXTURE_CUBE_MAP_SEAMLESS, GL_POLYGON_MODE, GL_UNPACK_SWAP_BYTES, GL_PACK_SWAP_BYTES,
+        GL_CLAMP_READ_COLOR, GL_CLIP_DISTANCE0, GL_POLYGON_SMOOTH}) {
     GLint values[2] = {};
     glGetIntegerv(name, values);
     all.push_back(GLfloat(values[0]));
@@ -327,7 +342,14 @@ TEST_CASE("an engine's desktop context: same picture, its state put back") {
     glColorMaski(1, GL_FALSE, GL_TRUE, GL_FALSE, GL_TRUE), glEnablei(GL_BLEND, 2);
     glViewportIndexedf(1, 1, 2, 30, 40), glScissorIndexed(2, 5, 6, 7, 8);
   };
-  const std::vector<void (*)()> untidy{polygons, reversed, upside_down, logic, encoded, indexed};
+  const auto places = [] { glDepthRangeIndexed(1, 0.25, 0.5), glEnablei(GL_SCISSOR_TEST, 2); };
+  const auto bytes = [] {
+    glPixelStorei(GL_UNPACK_SWAP_BYTES, GL_TRUE), glPixelStorei(GL_PACK_SWAP_BYTES, GL_TRUE);
+  };
+  const auto clamped = [] { glClampColor(GL_CLAMP_READ_COLOR, GL_TRUE); };
+  const auto clipped = [] { glEnable(GL_CLIP_DISTANCE0), glEnable(GL_POLYGON_SMOOTH); };
+  const std::vector<void (*)()> untidy{polygons, reversed, upside_down, logic,   encoded,
+                                       indexed,  places,   bytes,       clamped, clipped};
   for (std::size_t k = 0; k < untidy.size(); ++k) {
     CAPTURE(k);
     untidy[k]();
@@ -336,7 +358,158 @@ TEST_CASE("an engine's desktop context: same picture, its state put back") {
     draw(*gl, in);
     CHECK(desktop_state() == before);
     CHECK(apart(gl->image(), plain->image()) == 0);
+    CHECK(gl->object() == plain->object());
     CHECK(desktop_state() == before);
   }
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+TEST_CASE("a desktop context of the compatibility profile: its alpha test is left out") {
+  if (!have_egl()) return;
+  const DesktopContext desktop(EGL_CONTEXT_OPENGL_COMPATIBILITY_PROFILE_BIT);
+  if (desktop.context == EGL_NO_CONTEXT) {
+    std::puts("skipped: no compatibility profile");
+    return;
+  }
+  const Inputs in = inputs();
+  const auto plain = make_gl_renderer(CurrentContext{}), gl = make_gl_renderer(CurrentContext{});
+  draw(*plain, in);
+  glEnable(GL_ALPHA_TEST), glAlphaFunc(GL_NEVER, 0);
+  draw(*gl, in);
+  CHECK(glIsEnabled(GL_ALPHA_TEST));
+  CHECK(apart(gl->image(), plain->image()) == 0);
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+namespace {
+
+// A state that an extension of OpenGL ES adds, which an engine may set.
+struct Added {
+  const char* extension;
+  void (*set)();
+  std::vector<GLint> (*get)();
+};
+
+std::vector<GLint> values_of(std::initializer_list<GLenum> names) {
+  std::vector<GLint> all;
+  for (const GLenum name : names) {
+    GLint values[4] = {};
+    glGetIntegerv(name, values);
+    all.push_back(values[0]);
+  }
+  return all;
+}
+
+std::vector<GLint> of_buffers() {
+  std::vector<GLint> all;
+  for (GLuint i = 0; i < 4; ++i) {
+    GLint mask[4];
+    glGetIntegeri_v(GL_COLOR_WRITEMASK, i, mask);
+    all.insert(all.end(), mask, mask + 4);
+    all.push_back(glIsEnabledi(GL_BLEND, i));
+  }
+  return all;
+}
+
+std::vector<GLint> of_viewports() {
+  std::vector<GLint> all;
+  for (GLuint i = 0; i < 4; ++i) {
+    GLfloat place[4], range[2];
+    glGetFloati_v(GL_VIEWPORT, i, place), glGetFloati_v(GL_DEPTH_RANGE, i, range);
+    for (const GLfloat value : place) all.push_back(GLint(value));
+    all.push_back(GLint(100 * range[0])), all.push_back(glIsEnabledi(GL_SCISSOR_TEST, i));
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("an engine's state of ES extensions: same picture, its state put back") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto plain = make_gl_renderer(CurrentContext{});
+  draw(*plain, in);
+  const Image<std::uint8_t> image = plain->image();
+  const auto clip_control = [] { return values_of({GL_CLIP_ORIGIN, GL_CLIP_DEPTH_MODE}); };
+  const Added added[] = {
+      {"GL_EXT_clip_control", [] { glClipControlEXT(GL_LOWER_LEFT, GL_ZERO_TO_ONE); },
+       clip_control},
+      {"GL_EXT_clip_control", [] { glClipControlEXT(GL_UPPER_LEFT, GL_ZERO_TO_ONE); },
+       clip_control},
+      {"GL_NV_polygon_mode", [] { glPolygonModeNV(GL_FRONT_AND_BACK, GL_LINE); },
+       [] { return values_of({GL_POLYGON_MODE}); }},
+      {"GL_EXT_clip_cull_distance", [] { glEnable(GL_CLIP_DISTANCE1); },
+       [] { return std::vector<GLint>{glIsEnabled(GL_CLIP_DISTANCE1)}; }},
+      {"GL_ANGLE_pack_reverse_row_order",
+       [] { glPixelStorei(GL_PACK_REVERSE_ROW_ORDER_ANGLE, GL_TRUE); },
+       [] { return values_of({GL_PACK_REVERSE_ROW_ORDER_ANGLE}); }},
+      {"GL_EXT_draw_buffers_indexed",
+       [] { glColorMaski(1, GL_FALSE, GL_TRUE, GL_FALSE, GL_TRUE), glEnablei(GL_BLEND, 2); },
+       of_buffers},
+      {"GL_OES_viewport_array",
+       [] {
+         glViewportIndexedf(1, 1, 2, 30, 40), glDepthRangeIndexedfOES(2, 0.25f, 0.5f);
+         glEnablei(GL_SCISSOR_TEST, 3);
+       },
+       of_viewports}};
+  for (const Added& one : added) {
+    CAPTURE(std::string(one.extension));
+    if (!epoxy_has_gl_extension(one.extension)) {
+      std::printf("skipped: no %s\n", one.extension);
+      continue;
+    }
+    const std::vector<GLint> tidy = one.get();
+    one.set();
+    const std::vector<GLint> before = one.get();
+    CHECK(before != tidy);
+    const auto gl = make_gl_renderer(CurrentContext{});
+    draw(*gl, in);
+    CHECK(one.get() == before);
+    CHECK(apart(gl->image(), image) == 0);
+    CHECK(one.get() == before);
+    CHECK(glGetError() == GL_NO_ERROR);
+  }
+}
+
+TEST_CASE("while the caller captures vertices: same picture, and it goes on capturing") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto plain = make_gl_renderer(CurrentContext{}), gl = make_gl_renderer(CurrentContext{});
+  draw(*plain, in);
+  const GLuint program = glCreateProgram();
+  for (const auto& [kind, text] :
+       {std::pair{GL_VERTEX_SHADER,
+                  "#version 300 es\nvoid main() { gl_Position = vec4(0, 0, 0, 1); }"},
+        std::pair{GL_FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"}}) {
+    const GLuint shader = glCreateShader(GLenum(kind));
+    glShaderSource(shader, 1, &text, nullptr), glCompileShader(shader);
+    glAttachShader(program, shader);
+  }
+  const char* captured = "gl_Position";
+  glTransformFeedbackVaryings(program, 1, &captured, GL_INTERLEAVED_ATTRIBS);
+  glLinkProgram(program), glUseProgram(program);
+  GLuint buffer = 0, query = 0, framebuffer = 0, renderbuffer = 0;
+  glGenBuffers(1, &buffer), glGenQueries(1, &query);
+  glGenFramebuffers(1, &framebuffer), glGenRenderbuffers(1, &renderbuffer);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glBindRenderbuffer(GL_RENDERBUFFER, renderbuffer);
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, 1, 1);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, renderbuffer);
+  glBindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, buffer);
+  glBufferData(GL_TRANSFORM_FEEDBACK_BUFFER, 1024, nullptr, GL_STREAM_READ);
+  glBeginQuery(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN, query);
+  glBeginTransformFeedback(GL_TRIANGLES);
+  draw(*gl, in);
+  CHECK(apart(gl->image(), plain->image()) == 0);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glEndTransformFeedback();
+  glEndQuery(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN);
+  GLuint written = 0;
+  glGetQueryObjectuiv(query, GL_QUERY_RESULT, &written);
+  CHECK(written == 1);
   CHECK(glGetError() == GL_NO_ERROR);
 }

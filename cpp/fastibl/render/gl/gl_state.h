@@ -5,53 +5,62 @@
 #include <epoxy/gl.h>
 
 #include <array>
+#include <vector>
 
 namespace fastibl {
 
 inline constexpr int kTextureUnits = 16;  // that passes may bind to: as many as ES 3.0 promises
 
+// The state in a context that changes what passes draw. An engine may have set it.
+struct ContextState {
+  std::vector<GLenum> switches;       // each is off while passes draw
+  std::vector<GLenum> stores;         // each is 0 then, or 1 where it is an alignment
+  bool desktop = false;               // desktop GL
+  bool clip_control = false;          // has a range of depths, and a side that is up
+  bool polygon_mode = false;          // may draw triangles as lines
+  GLuint buffers = 0, viewports = 0;  // that have switches, masks or rectangles of their own
+
+  ContextState();                            // of OpenGL ES 3.0: of a context of our own
+  static ContextState of_current_context();  // with what its version and extensions add
+};
+
 class SavedState {
  public:
-  SavedState();
+  explicit SavedState(const ContextState& context);  // which must outlive this
   ~SavedState();
   SavedState(const SavedState&) = delete;
   SavedState& operator=(const SavedState&) = delete;
 
  private:
-  static constexpr std::array kSwitches = {
-      GL_SCISSOR_TEST,        GL_DEPTH_TEST,         GL_BLEND,
-      GL_CULL_FACE,           GL_STENCIL_TEST,       GL_DITHER,
-      GL_POLYGON_OFFSET_FILL, GL_RASTERIZER_DISCARD, GL_SAMPLE_ALPHA_TO_COVERAGE,
-      GL_SAMPLE_COVERAGE};
-  static constexpr std::array kStores = {
-      GL_UNPACK_ALIGNMENT,    GL_UNPACK_ROW_LENGTH,  GL_UNPACK_SKIP_ROWS, GL_UNPACK_SKIP_PIXELS,
-      GL_UNPACK_IMAGE_HEIGHT, GL_UNPACK_SKIP_IMAGES, GL_PACK_ALIGNMENT,   GL_PACK_ROW_LENGTH,
-      GL_PACK_SKIP_ROWS,      GL_PACK_SKIP_PIXELS};
   struct Unit {
     GLint flat, cube, sampler;
   };
-  static constexpr std::array kDesktopSwitches = {GL_TEXTURE_CUBE_MAP_SEAMLESS, GL_COLOR_LOGIC_OP,
-                                                  GL_FRAMEBUFFER_SRGB, GL_DEPTH_CLAMP};
-  static constexpr GLuint kBuffers = 8, kViewports = 16;  // as many as desktop GL promises
-  std::array<GLboolean, kSwitches.size()> switches_;
-  std::array<GLboolean, kDesktopSwitches.size()> desktop_switches_;
-  std::array<GLboolean, kBuffers> blends_;
-  std::array<std::array<GLboolean, 4>, kBuffers> colour_masks_;
-  std::array<std::array<GLfloat, 4>, kViewports> viewports_;
-  std::array<std::array<GLint, 4>, kViewports> scissors_;
-  std::array<GLint, 2> polygon_mode_;
-  GLint clip_origin_, clip_depth_;
-  std::array<GLint, kStores.size()> stores_;
+  struct Buffer {
+    GLboolean blends;
+    std::array<GLint, 4> mask;
+  };
+  struct Viewport {
+    std::array<GLfloat, 4> place;
+    std::array<GLfloat, 2> depth_range;
+    std::array<GLint, 4> scissor;
+    GLboolean cut;
+  };
+  const ContextState& context_;
+  std::vector<GLboolean> switches_;
+  std::vector<GLint> stores_;
+  std::vector<Buffer> buffers_;
+  std::vector<Viewport> viewports_;
   std::array<Unit, kTextureUnits> units_;
   std::array<GLint, 4> viewport_, scissor_;
   std::array<GLboolean, 4> colour_mask_;
   std::array<GLfloat, 2> depth_range_;
+  std::array<GLint, 2> polygon_mode_;
   GLint program_, vertex_array_, array_buffer_, draw_, read_, renderbuffer_, active_, pack_,
-      unpack_, depth_function_;
-  GLboolean depth_mask_;
+      unpack_, depth_function_, clip_origin_, clip_depth_, clamp_read_;
+  GLboolean depth_mask_, seamless_, captures_;
 };
 
 // Sets the state that the passes assume; to be called after saving.
-void set_default_state();
+void set_default_state(const ContextState& context);
 
 }  // namespace fastibl

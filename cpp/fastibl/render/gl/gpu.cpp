@@ -40,17 +40,20 @@ Gpu::Scope::Scope(const Gpu& gpu) {
   if (gpu.context_)
     current_.emplace(*gpu.context_);
   else
-    saved_.emplace();
-  set_default_state();
+    saved_.emplace(gpu.state_);
+  set_default_state(gpu.state_);
 }
 
 Gpu::Gpu(bool own_context) {
-  if (own_context) context_.emplace();
+  if (own_context)
+    context_.emplace();
+  else
+    state_ = ContextState::of_current_context();
   const Scope scope(*this);
   // Asked once here: a library without a current context would abort on the first call.
   const std::string version = text_of(GL_VERSION);
   device_ = text_of(GL_RENDERER);
-  const bool desktop = epoxy_is_desktop_gl();
+  const bool desktop = state_.desktop;
   if (epoxy_gl_version() < (desktop ? 43 : 30))
     throw std::runtime_error("the GL back end needs OpenGL ES 3.0 or OpenGL 4.3, got " + version);
   if (!desktop && !epoxy_has_gl_extension("GL_EXT_color_buffer_float"))

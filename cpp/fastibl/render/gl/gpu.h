@@ -67,6 +67,7 @@ class Gpu {
 
  private:
   std::optional<GlContext> context_;  // none: the caller's
+  ContextState state_;
   std::string device_;
   bool half_ = false, bake_all_ = false;
   int largest_ = 2048;
