@@ -513,3 +513,46 @@ TEST_CASE("while the caller captures vertices: same picture, and it goes on capt
   CHECK(written == 1);
   CHECK(glGetError() == GL_NO_ERROR);
 }
+
+TEST_CASE("another context, or none: refused, and nothing of the other is deleted") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  CHECK_THROWS_AS(make_gl_renderer(CurrentContext{}), std::runtime_error);
+  const GlContext first, second;
+  std::unique_ptr<GlRenderer> gl;
+  {
+    const GlContext::Current current(first);
+    gl = make_gl_renderer(CurrentContext{});
+    draw(*gl, in);
+  }
+  CHECK_THROWS_AS(draw(*gl, in), std::runtime_error);
+  const GlContext::Current current(second);
+  CHECK_THROWS_AS(draw(*gl, in), std::runtime_error);
+  CHECK_THROWS_AS(gl->image(), std::runtime_error);
+  const auto other = make_gl_renderer(CurrentContext{});
+  draw(*other, in);
+  gl.reset();
+  draw(*other, in);
+  CHECK(other->object().rgba.width > 0);
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+TEST_CASE("an abandoned renderer touches its context no more") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  auto gl = make_gl_renderer(CurrentContext{});
+  draw(*gl, in);
+  gl->abandon();
+  CHECK_THROWS_AS(draw(*gl, in), std::runtime_error);
+  const auto textures = [] {
+    int count = 0;
+    for (GLuint name = 1; name < 200; ++name) count += glIsTexture(name);
+    return count;
+  };
+  const int before = textures();
+  CHECK(before > 0);
+  gl.reset();
+  CHECK(textures() == before);
+}

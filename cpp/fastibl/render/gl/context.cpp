@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace fastibl {
@@ -68,6 +69,22 @@ void destroy(const Made& made) {
 }
 
 }  // namespace
+
+// Asks the libraries that the program has loaded: without one, libepoxy would abort the process.
+const void* current_context() {
+  constexpr std::pair<const char*, const char*> kAsked[] = {{"libEGL.so.1", "eglGetCurrentContext"},
+                                                            {"libGLX.so.0", "glXGetCurrentContext"},
+                                                            {"libGL.so.1", "glXGetCurrentContext"}};
+  for (const auto& [library, function] : kAsked) {
+    void* const loaded = dlopen(library, RTLD_LAZY | RTLD_NOLOAD);
+    if (!loaded) continue;
+    void* const address = dlsym(loaded, function);
+    const void* context = address ? reinterpret_cast<void* (*)()>(address)() : nullptr;
+    dlclose(loaded);  // it stays, as the program has it loaded
+    if (context) return context;
+  }
+  return nullptr;
+}
 
 GlContext::GlContext() {
   const char* library = std::getenv("FASTIBL_EGL_LIBRARY");

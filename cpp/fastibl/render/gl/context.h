@@ -3,6 +3,9 @@
 
 namespace fastibl {
 
+// The context that is current in this thread, EGL's or GLX's; null: there is none.
+const void* current_context();
+
 // Needs no display: tries Mesa's surfaceless platform, then devices, then the default display, and
 // prefers hardware. Throws std::runtime_error that names what is missing. The environment variable
 // FASTIBL_EGL_LIBRARY names a file to look for instead of libEGL.so.1 (for tests).

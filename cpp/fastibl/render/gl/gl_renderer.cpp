@@ -61,6 +61,8 @@ class Gl final : public GlRenderer {
     composite_.present(gpu_, framebuffer, width, height);
   }
 
+  void abandon() override { gpu_.abandon(); }
+
  private:
   Gpu gpu_;
   LightTextures light_;  // shared by two passes

@@ -13,6 +13,9 @@ class GlRenderer : public Renderer {
   // (0: the window; not multisampled), with row 0 at the top and without reading it back. For a
   // renderer that was made with CurrentContext.
   virtual void present(unsigned framebuffer, int width, int height) = 0;
+
+  // Says that the context is gone: nothing in it is deleted at the end, and other calls throw.
+  virtual void abandon() = 0;
 };
 
 // Makes a renderer with a headless context of its own; any thread may call it, one at a time.
@@ -23,8 +26,9 @@ class GlRenderer : public Renderer {
 // for methods without a shader of their own.
 std::unique_ptr<GlRenderer> make_gl_renderer();
 
-// Draws in the context that is current now, which must also be current at every later call and at
-// the end: OpenGL ES 3.0, or desktop GL 4.3. All state is restored.
+// Draws in the context that is current now: OpenGL ES 3.0, or desktop GL 4.3. All state is
+// restored. It must also be current at every later call, which throws std::runtime_error otherwise,
+// and at the end: elsewhere nothing is deleted.
 struct CurrentContext {};
 std::unique_ptr<GlRenderer> make_gl_renderer(CurrentContext);
 

@@ -29,6 +29,12 @@ std::string text_of(GLenum what) {
   return text ? reinterpret_cast<const char*>(text) : "";
 }
 
+void check_version() {
+  if (epoxy_gl_version() < (epoxy_is_desktop_gl() ? 43 : 30))
+    throw std::runtime_error("the GL back end needs OpenGL ES 3.0 or OpenGL 4.3, got " +
+                             text_of(GL_VERSION));
+}
+
 bool asked(const char* variable) {
   const char* value = std::getenv(variable);
   return value && *value && *value != '0';
@@ -37,6 +43,9 @@ bool asked(const char* variable) {
 }  // namespace
 
 Gpu::Scope::Scope(const Gpu& gpu) {
+  if (gpu.abandoned_) throw std::runtime_error("the renderer's GL context was abandoned");
+  if (!gpu.context_ && current_context() != gpu.caller_)
+    throw std::runtime_error("the GL context in which the renderer was made is not current");
   if (gpu.context_)
     current_.emplace(*gpu.context_);
   else
@@ -45,17 +54,19 @@ Gpu::Scope::Scope(const Gpu& gpu) {
 }
 
 Gpu::Gpu(bool own_context) {
-  if (own_context)
+  if (own_context) {
     context_.emplace();
-  else
+  } else {
+    // Looked at first: without it, or without a call that an old one lacks, libepoxy would abort.
+    caller_ = current_context();
+    if (!caller_) throw std::runtime_error("no GL context is current");
+    check_version();
     state_ = ContextState::of_current_context();
+  }
   const Scope scope(*this);
-  // Asked once here: a library without a current context would abort on the first call.
-  const std::string version = text_of(GL_VERSION);
+  check_version();
   device_ = text_of(GL_RENDERER);
   const bool desktop = state_.desktop;
-  if (epoxy_gl_version() < (desktop ? 43 : 30))
-    throw std::runtime_error("the GL back end needs OpenGL ES 3.0 or OpenGL 4.3, got " + version);
   if (!desktop && !epoxy_has_gl_extension("GL_EXT_color_buffer_float"))
     throw std::runtime_error("the GL driver \"" + device_ +
                              "\" cannot draw to float textures (EXT_color_buffer_float)");
@@ -72,6 +83,8 @@ Gpu::Gpu(bool own_context) {
 
 Gpu::~Gpu() {
   if (context_) return;  // it takes all objects with it
+  // In another context, these names are those of somebody else's objects.
+  if (abandoned_ || current_context() != caller_) return;
   glDeleteTextures(GLsizei(textures_.size()), textures_.data());
   for (const auto& [key, program] : programs_) glDeleteProgram(program.id());
   glDeleteFramebuffers(2, framebuffers_);

@@ -23,13 +23,14 @@ struct Texture {  // deleted by the Gpu that made it
 
 class Gpu {
  public:
-  // Throws std::runtime_error where the context is too old or has no float targets.
+  // Throws std::runtime_error where there is no context, or it is too old or has no float targets.
   explicit Gpu(bool own_context);
   ~Gpu();
   Gpu(const Gpu&) = delete;
   Gpu& operator=(const Gpu&) = delete;
 
-  // Makes our context current, or saves the caller's state. All other calls are within one.
+  // Makes our context current, or saves the caller's state. All other calls are within one. Throws
+  // std::runtime_error where another context than the caller's is current.
   class Scope {
    public:
     explicit Scope(const Gpu& gpu);
@@ -40,6 +41,7 @@ class Gpu {
   };
 
   bool own_context() const { return context_.has_value(); }
+  void abandon() { abandoned_ = true; }  // the context is gone
   const std::string& device() const { return device_; }
   int largest() const { return largest_; }     // edge of a texture, texels
   bool half() const { return half_; }          // light is stored in half floats
@@ -67,6 +69,8 @@ class Gpu {
 
  private:
   std::optional<GlContext> context_;  // none: the caller's
+  const void* caller_ = nullptr;      // the caller's
+  bool abandoned_ = false;
   ContextState state_;
   std::string device_;
   bool half_ = false, bake_all_ = false;
