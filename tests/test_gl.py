@@ -589,6 +589,7 @@ VARIANTS = {
         "HOLDOUT": (0, 1),
         "DEEP": (0, 1),
     },
+    "present": {"ENCODES": (0, 1)},
 }
 
 

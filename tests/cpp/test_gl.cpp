@@ -556,3 +556,70 @@ TEST_CASE("an abandoned renderer touches its context no more") {
   gl.reset();
   CHECK(textures() == before);
 }
+
+TEST_CASE("present gives every kind of framebuffer the same codes") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto gl = make_gl_renderer(CurrentContext{});
+  draw(*gl, in);
+  const Image<std::uint8_t> image = gl->image();
+  struct Kind {
+    GLenum format;
+    int samples, scale;
+    bool encoding = true;  // the caller has not switched it off
+  };
+  for (const Kind& kind : {Kind{GL_RGBA8, 0, 2}, Kind{GL_RGBA8, 4, 1}, Kind{GL_SRGB8_ALPHA8, 0, 1},
+                           Kind{GL_SRGB8_ALPHA8, 4, 2}, Kind{GL_SRGB8_ALPHA8, 0, 1, false}}) {
+    CAPTURE(kind.format);
+    CAPTURE(kind.samples);
+    CAPTURE(kind.scale);
+    const int width = kind.scale * kWidth, height = kind.scale * kHeight;
+    GLuint framebuffers[2], renderbuffers[2];
+    glGenFramebuffers(2, framebuffers), glGenRenderbuffers(2, renderbuffers);
+    for (int i = 0; i < 2; ++i) {  // the caller's, and one sample of it to read
+      glBindFramebuffer(GL_FRAMEBUFFER, framebuffers[i]);
+      glBindRenderbuffer(GL_RENDERBUFFER, renderbuffers[i]);
+      glRenderbufferStorageMultisample(GL_RENDERBUFFER, i == 0 ? kind.samples : 0, kind.format,
+                                       width, height);
+      glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER,
+                                renderbuffers[i]);
+    }
+    if (!kind.encoding) {
+      if (!epoxy_has_gl_extension("GL_EXT_sRGB_write_control")) continue;
+      glDisable(GL_FRAMEBUFFER_SRGB_EXT);
+    }
+    glEnable(GL_SAMPLE_MASK), glSampleMaski(0, 1);
+    gl->present(framebuffers[0], width, height);
+    CHECK(glIsEnabled(GL_SAMPLE_MASK));
+    glDisable(GL_SAMPLE_MASK);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffers[0]);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffers[1]);
+    glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffers[1]);
+    Image<std::uint8_t> shown(width, height, 4);
+    glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, shown.data.data());
+    // Twice as large, the four pixels around a corner mix 9 : 3 : 3 : 1.
+    int worst = 0;
+    for (int y = 1; y + 1 < height; ++y)
+      for (int x = 1; x + 1 < width; ++x)
+        for (int c = 0; c < 3; ++c) {
+          const int s = kind.scale, row = height - 1 - y, i = x / s, j = row / s;
+          double code = image.pixel(i, j)[c];
+          if (s == 2) {
+            const int k = x % 2 ? i + 1 : i - 1, l = row % 2 ? j + 1 : j - 1;
+            code = (9 * code + 3 * image.pixel(k, j)[c] + 3 * image.pixel(i, l)[c] +
+                    image.pixel(k, l)[c]) /
+                   16;
+          }
+          worst = std::max(worst, int(std::abs(shown.pixel(x, y)[c] - code)));
+        }
+    CHECK(worst <= 1);
+    glDeleteFramebuffers(2, framebuffers), glDeleteRenderbuffers(2, renderbuffers);
+  }
+  CHECK(glGetError() == GL_NO_ERROR);
+  const auto own = make_gl_renderer();
+  draw(*own, in);
+  CHECK_THROWS_AS(own->present(0, kWidth, kHeight), std::invalid_argument);
+}

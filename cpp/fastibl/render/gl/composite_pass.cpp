@@ -29,6 +29,21 @@ std::vector<glm::vec3> linear_area(const Picture& picture, const Response& respo
   return out;
 }
 
+// Whether the bound framebuffer encodes as sRGB what is drawn to it.
+bool encodes(const ContextState& context) {
+  if (context.desktop) return false;  // it is switched off there
+  if (context.srgb_switch && !glIsEnabled(GL_FRAMEBUFFER_SRGB_EXT)) return false;
+  GLint buffer = GL_NONE, type = GL_NONE, encoding = GL_LINEAR;
+  glGetIntegerv(GL_DRAW_BUFFER0, &buffer);
+  if (buffer == GL_NONE) return false;
+  const auto ask = [&](GLenum what, GLint* value) {
+    glGetFramebufferAttachmentParameteriv(GL_DRAW_FRAMEBUFFER, GLenum(buffer), what, value);
+  };
+  ask(GL_FRAMEBUFFER_ATTACHMENT_OBJECT_TYPE, &type);
+  if (type != GL_NONE) ask(GL_FRAMEBUFFER_ATTACHMENT_COLOR_ENCODING, &encoding);
+  return encoding == GL_SRGB;
+}
+
 }  // namespace
 
 void CompositePass::upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>& gain) {
@@ -168,11 +183,14 @@ void CompositePass::present(Gpu& gpu, GLuint framebuffer, int width, int height)
     glBlitFramebuffer(0, 0, area_.width(), area_.height(), area_.x0, area_.y0, area_.x1, area_.y1,
                       GL_COLOR_BUFFER_BIT, GL_NEAREST);
   }
-  gpu.target(1, screen_);
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, gpu.framebuffer(1));
-  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
-  glBlitFramebuffer(0, 0, bytes_.width, bytes_.height, 0, height, width, 0, GL_COLOR_BUFFER_BIT,
-                    GL_LINEAR);
+  // Drawn, because nothing can be copied to multisampled framebuffers, and drivers differ in
+  // whether they encode what they copy to sRGB ones.
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  const Program& p = gpu.use("present", {encodes(gpu.state()) ? "ENCODES 1" : "ENCODES 0"});
+  glUniform2f(p.uniform("size"), float(width), float(height));
+  gpu.bind("screen", screen_);
+  set_sampling(GL_TEXTURE_2D, GL_LINEAR, GL_LINEAR);
+  gpu.draw_full_screen(width, height);
 }
 
 }  // namespace fastibl

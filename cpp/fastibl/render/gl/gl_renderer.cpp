@@ -57,6 +57,7 @@ class Gl final : public GlRenderer {
   void image(Image<std::uint8_t>& out) override { composite_.image(gpu_, out); }
 
   void present(unsigned framebuffer, int width, int height) override {
+    check(!gpu_.own_context(), "only a renderer in the caller's context can present its picture");
     const Gpu::Scope scope(gpu_);
     composite_.present(gpu_, framebuffer, width, height);
   }

@@ -10,8 +10,9 @@ namespace fastibl {
 class GlRenderer : public Renderer {
  public:
   // Draws the image, scaled to width × height pixels, into a framebuffer of the caller's context
-  // (0: the window; not multisampled), with row 0 at the top and without reading it back. For a
-  // renderer that was made with CurrentContext.
+  // (0: the window), with row 0 at the top and without reading it back. The framebuffer may be
+  // multisampled; one that is encoded as sRGB gets the same codes. For a renderer that was made
+  // with CurrentContext.
   virtual void present(unsigned framebuffer, int width, int height) = 0;
 
   // Says that the context is gone: nothing in it is deleted at the end, and other calls throw.

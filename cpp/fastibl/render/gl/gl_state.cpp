@@ -51,6 +51,7 @@ ContextState ContextState::of_current_context() {
   c.clip_control =
       c.desktop ? version >= 45 || has("GL_ARB_clip_control") : has("GL_EXT_clip_control");
   c.polygon_mode = c.desktop || has("GL_NV_polygon_mode");
+  c.srgb_switch = !c.desktop && has("GL_EXT_sRGB_write_control");
   if (c.desktop || version >= 32 || has("GL_EXT_draw_buffers_indexed") ||
       has("GL_OES_draw_buffers_indexed"))
     c.buffers = GLuint(std::min(integer(GL_MAX_DRAW_BUFFERS), 8));

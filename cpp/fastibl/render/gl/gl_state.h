@@ -18,6 +18,7 @@ struct ContextState {
   bool desktop = false;               // desktop GL
   bool clip_control = false;          // has a range of depths, and a side that is up
   bool polygon_mode = false;          // may draw triangles as lines
+  bool srgb_switch = false;           // has OpenGL ES's switch for the encoding of what is drawn
   GLuint buffers = 0, viewports = 0;  // that have switches, masks or rectangles of their own
 
   ContextState();                            // of OpenGL ES 3.0: of a context of our own

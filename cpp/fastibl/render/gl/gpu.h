@@ -42,6 +42,7 @@ class Gpu {
 
   bool own_context() const { return context_.has_value(); }
   void abandon() { abandoned_ = true; }  // the context is gone
+  const ContextState& state() const { return state_; }
   const std::string& device() const { return device_; }
   int largest() const { return largest_; }     // edge of a texture, texels
   bool half() const { return half_; }          // light is stored in half floats
