@@ -569,6 +569,57 @@ def test_another_context_stays_current():
     assert done.stdout.strip() == "[1, 2, 3, 4] 0", done.stdout + done.stderr
 
 
+@needs_gl
+def test_a_context_of_glx_stays_current():
+    """A thread has a context of GLX or one of EGL: that of a window on X11 is put aside, then current again."""
+    if not shutil.which("Xvfb"):
+        pytest.skip("Xvfb is not installed (Debian: xvfb)")
+    reads, writes = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(writes)], pass_fds=[writes], stderr=subprocess.DEVNULL)
+    os.close(writes)
+    try:
+        with os.fdopen(reads) as displays:
+            display = displays.readline().strip()
+        done = python(
+            f"""
+            import ctypes, sys
+            sys.path.insert(0, {str(ROOT / "tests")!r})
+            x, gl = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libGL.so.1")
+            for function in (x.XOpenDisplay, gl.glXChooseVisual, gl.glXCreateContext, gl.glXGetCurrentContext):
+                function.restype = ctypes.c_void_p
+            for function in (x.XDefaultRootWindow, x.XCreatePixmap, gl.glXCreateGLXPixmap, gl.glXGetCurrentDrawable):
+                function.restype = ctypes.c_ulong
+            pointer, number = ctypes.c_void_p, ctypes.c_ulong
+            display = pointer(x.XOpenDisplay(None))
+            visual = pointer(gl.glXChooseVisual(display, 0, (ctypes.c_int * 2)(4, 0)))
+            context = gl.glXCreateContext(display, visual, None, 1)
+            pixmap = x.XCreatePixmap(display, number(x.XDefaultRootWindow(display)), 9, 9, 24)
+            drawable = gl.glXCreateGLXPixmap(display, visual, number(pixmap))
+            assert gl.glXMakeCurrent(display, number(drawable), pointer(context))
+            gl.glViewport(1, 2, 3, 4)
+            import test_gl
+            camera = test_gl.camera_named("pinhole")
+            frame = test_gl.fastibl.Frame(time=0.0, back_from_marker=test_gl.POSES["usual"])
+            scene, environment = test_gl.scene_of("glossy"), test_gl.marked_map()
+            session = test_gl.fastibl.Session(
+                scene, test_gl.fastibl.Rig(camera), environment=environment, backend="gl")
+            print(session.process(frame).image.any())
+            del session
+            assert gl.glXGetCurrentContext() == context and gl.glXGetCurrentDrawable() == drawable
+            viewport = (ctypes.c_int * 4)()
+            gl.glGetIntegerv(0x0BA2, viewport)
+            print(list(viewport), gl.glGetError())
+            """,
+            DISPLAY=f":{display}",
+        )
+    finally:
+        server.terminate()
+        server.wait()
+    if "libX11" in done.stderr or "libGL.so.1" in done.stderr:
+        pytest.skip("no library of X11 or GLX")
+    assert done.stdout.split("\n")[:2] == ["True", "[1, 2, 3, 4] 0"], done.stdout + done.stderr
+
+
 # --- shaders
 
 

@@ -5,11 +5,11 @@
 #include <epoxy/gl.h>
 
 #include <cstdlib>
+#include <initializer_list>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 namespace fastibl {
@@ -28,6 +28,44 @@ bool has(const char* extensions, std::string_view wanted) {
   for (std::string one; all >> one;)
     if (one == wanted) return true;
   return false;
+}
+
+// A function of the first of these libraries that the program has loaded; null: of none. libepoxy
+// would abort the process where they are missing.
+template <typename Function>
+Function* loaded(std::initializer_list<const char*> libraries, const char* function) {
+  for (const char* library : libraries)
+    if (void* const found = dlopen(library, RTLD_LAZY | RTLD_NOLOAD)) {
+      void* const address = dlsym(found, function);
+      dlclose(found);  // it stays, as the program has it loaded
+      if (address) return reinterpret_cast<Function*>(address);
+    }
+  return nullptr;
+}
+
+template <typename Function>
+Function* glx(const char* function) {
+  return loaded<Function>({"libGLX.so.0", "libGL.so.1"}, function);
+}
+void* glx_context() {
+  const auto current = glx<void*()>("glXGetCurrentContext");
+  return current ? current() : nullptr;
+}
+void make_glx_current(const GlxBinding& b) {
+  using Make = int(void*, unsigned long, unsigned long, void*);
+  glx<Make>("glXMakeContextCurrent")(b.display, b.draw, b.read, b.context);
+}
+
+// A thread has a context of GLX or one of EGL, not both: GLX's is put aside.
+GlxBinding put_glx_aside() {
+  GlxBinding b;
+  b.context = glx_context();
+  if (!b.context) return b;
+  b.display = glx<void*()>("glXGetCurrentDisplay")();
+  b.draw = glx<unsigned long()>("glXGetCurrentDrawable")();
+  b.read = glx<unsigned long()>("glXGetCurrentReadDrawable")();
+  make_glx_current({b.display});
+  return b;
 }
 
 struct Made {
@@ -70,20 +108,10 @@ void destroy(const Made& made) {
 
 }  // namespace
 
-// Asks the libraries that the program has loaded: without one, libepoxy would abort the process.
 const void* current_context() {
-  constexpr std::pair<const char*, const char*> kAsked[] = {{"libEGL.so.1", "eglGetCurrentContext"},
-                                                            {"libGLX.so.0", "glXGetCurrentContext"},
-                                                            {"libGL.so.1", "glXGetCurrentContext"}};
-  for (const auto& [library, function] : kAsked) {
-    void* const loaded = dlopen(library, RTLD_LAZY | RTLD_NOLOAD);
-    if (!loaded) continue;
-    void* const address = dlsym(loaded, function);
-    const void* context = address ? reinterpret_cast<void* (*)()>(address)() : nullptr;
-    dlclose(loaded);  // it stays, as the program has it loaded
-    if (context) return context;
-  }
-  return nullptr;
+  const auto of_egl = loaded<void*()>({"libEGL.so.1"}, "eglGetCurrentContext");
+  const void* const context = of_egl ? of_egl() : nullptr;
+  return context ? context : glx_context();
 }
 
 GlContext::GlContext() {
@@ -148,10 +176,12 @@ GlContext::Current::Current(const GlContext& context)
       draw_(eglGetCurrentSurface(EGL_DRAW)),
       read_(eglGetCurrentSurface(EGL_READ)),
       previous_(eglGetCurrentContext()),
-      api_(eglQueryAPI()) {
+      api_(eglQueryAPI()),
+      glx_(put_glx_aside()) {
   eglBindAPI(EGL_OPENGL_ES_API);
   if (!eglMakeCurrent(context.display_, context.surface_, context.surface_, context.context_)) {
     eglBindAPI(api_);
+    if (glx_.context) make_glx_current(glx_);
     throw std::runtime_error("the GL context is in use by another thread");
   }
 }
@@ -160,6 +190,7 @@ GlContext::Current::~Current() {
   eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
   eglBindAPI(api_);
   if (previous_ != EGL_NO_CONTEXT) eglMakeCurrent(previous_display_, draw_, read_, previous_);
+  if (glx_.context) make_glx_current(glx_);
 }
 
 }  // namespace fastibl

@@ -6,6 +6,13 @@ namespace fastibl {
 // The context that is current in this thread, EGL's or GLX's; null: there is none.
 const void* current_context();
 
+// What GLX has current in a thread.
+struct GlxBinding {
+  void* display = nullptr;
+  unsigned long draw = 0, read = 0;
+  void* context = nullptr;
+};
+
 // Needs no display: tries Mesa's surfaceless platform, then devices, then the default display, and
 // prefers hardware. Throws std::runtime_error that names what is missing. The environment variable
 // FASTIBL_EGL_LIBRARY names a file to look for instead of libEGL.so.1 (for tests).
@@ -17,7 +24,7 @@ class GlContext {
   GlContext& operator=(const GlContext&) = delete;
 
   // Makes the context current in the calling thread while this lives; then restores the previous
-  // one.
+  // one, of EGL or GLX.
   class Current {
    public:
     explicit Current(const GlContext& context);
@@ -28,6 +35,7 @@ class GlContext {
    private:
     void *display_, *previous_display_, *draw_, *read_, *previous_;
     unsigned api_;
+    GlxBinding glx_;
   };
 
  private:
