@@ -16,8 +16,7 @@
 #include "shared/lighting.glsl"
 #include "shared/projection.glsl"
 
-uniform usampler2D visible;       // number of a triangle; each of the four samples has a quarter of the texture
-uniform ivec2 quarter;            // size of a quarter
+uniform usampler2D visible;       // number of a triangle; each of the four samples has a channel
 uniform ivec2 corner;             // first pixel of the area that is drawn
 uniform isampler2D triangles;     // vertices of each triangle
 uniform sampler2D vertices;       // position and normal, one vertex after the other
@@ -209,10 +208,7 @@ bool is_curved(mat3 n, vec3 pa, vec3 pb, vec3 pc, vec2 pixel, bvec4 same) {
 
 void main() {
   ivec2 local = ivec2(gl_FragCoord.xy);
-  uvec4 shown = uvec4(texelFetch(visible, local, 0).r,
-                      texelFetch(visible, local + ivec2(quarter.x, 0), 0).r,
-                      texelFetch(visible, local + ivec2(0, quarter.y), 0).r,
-                      texelFetch(visible, local + quarter, 0).r);
+  uvec4 shown = texelFetch(visible, local, 0);
   // Numbers from 2^31 on are those of the triangles of real objects.
   uvec4 real = shown >> 31u;
 #if HOLDOUT

@@ -382,6 +382,16 @@ def test_half_floats_keep_the_light_of_a_sun(monkeypatch):
 
 
 @needs_gl
+def test_an_object_wider_than_half_a_texture():
+    """Mesa's textures have at most 16384 texels along an edge; those of small cards have 4096."""
+    camera = fastibl.Camera(8800, 24, 40000, 40000, 4400, 12)
+    frame = fastibl.Frame(time=0.0, back=back_picture(camera), back_from_marker=POSES["usual"])
+    made = both(scene_of("glossy"), camera, MAPS["marked"](), frame)
+    assert made[1][0].object.rgba.shape[1] > 8192
+    compare_products(made, frame.back)
+
+
+@needs_gl
 def test_nothing_to_draw():
     """An object behind the camera, and one beside the picture, leave every byte."""
     camera = camera_named("pinhole")

@@ -145,13 +145,12 @@ void MeshBuffers::bind_uvs(Gpu& gpu) const {
   gpu.bind("uvs", uvs_);
 }
 
-int MeshBuffers::use(Gpu& gpu, const Camera& camera, const Pose& camera_from_object,
-                     bool all_before_camera) {
+MeshBuffers::Corners MeshBuffers::use(Gpu& gpu, const Camera& camera,
+                                      const Pose& camera_from_object, bool all_before_camera) {
   const double least = least_bent_.of(camera);
   if (all_before_camera && !may_be_bent(mesh_, camera_from_object, least)) {
     set_cut(gpu, {});
-    glBindVertexArray(vertex_arrays_[0]);
-    return corner_count_;
+    return {vertex_arrays_[0], corner_count_};
   }
   set_cut(gpu, cut_to_view(mesh_, ViewVolume(mesh_, camera, camera_from_object, least)));
   std::vector<Corner> corners;
@@ -167,8 +166,7 @@ int MeshBuffers::use(Gpu& gpu, const Camera& camera, const Pose& camera_from_obj
   for (std::size_t t = 0; t < cut_.triangles.size(); ++t)
     add(cut_.triangles[t].corners, mesh_.triangles.size() + t + 1);
   fill(buffers_[1], corners, GL_STREAM_DRAW);
-  glBindVertexArray(vertex_arrays_[1]);
-  return int(corners.size());
+  return {vertex_arrays_[1], int(corners.size())};
 }
 
 }  // namespace fastibl

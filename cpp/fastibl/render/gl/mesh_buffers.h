@@ -32,10 +32,14 @@ class MeshBuffers {
   void bind(Gpu& gpu) const;      // the tables,
   void bind_uvs(Gpu& gpu) const;  // and those that pbr materials also read
 
-  // Prepares corners to draw as triangles; returns how many. Call before bind(). They are cut to
-  // what lies before the camera and within the lens model, unless all does, and split where the
-  // lens bends edges.
-  int use(Gpu& gpu, const Camera& camera, const Pose& camera_from_object, bool all_before_camera);
+  struct Corners {  // to draw as triangles
+    GLuint vertex_array = 0;
+    int count = 0;
+  };
+  // Prepares them. Call before bind(). They are cut to what lies before the camera and within the
+  // lens model, unless all does, and split where the lens bends edges.
+  Corners use(Gpu& gpu, const Camera& camera, const Pose& camera_from_object,
+              bool all_before_camera);
 
  private:
   void upload_tables(Gpu& gpu, const Mesh& mesh);

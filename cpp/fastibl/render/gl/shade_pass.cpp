@@ -115,54 +115,54 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   if (area_.empty()) return;
   draw_visible(gpu, in, outline, holdout, around);
   if (has_holdout_) draw_holdout(gpu, in);
-  gpu.allocate(object_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  gpu.allocate(object_, GL_RGBA32F, visible_.width, visible_.height, GL_RGBA, GL_FLOAT);
   if (in.scene.material.pbr)
     draw_pbr(gpu, light, in);
   else
     draw_colour(gpu, light, in);
 }
 
-// Draws which triangle each sample sees; each sample has one quarter of the target.
+// Draws which triangle each of a pixel's samples sees; each sample has one channel of the target.
 void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline,
                              const Outline& holdout, const Outline& around) {
   const int width = area_.width(), height = area_.height();
   // The size grows in steps, so that a moving object does not make new textures in every frame.
-  const auto step = [](int n) { return (n + 63) / 64 * 64; };
-  const int quarter_width = std::max(step(width), visible_.width / 2),
-            quarter_height = std::max(step(height), visible_.height / 2);
-  if (visible_.width != 2 * quarter_width || visible_.height != 2 * quarter_height)
-    gpu.allocate_depth(2 * quarter_width, 2 * quarter_height);
-  gpu.allocate(visible_, GL_R32UI, 2 * quarter_width, 2 * quarter_height, GL_RED_INTEGER,
-               GL_UNSIGNED_INT);
+  const auto step = [&](int n) { return std::max(n, std::min((n + 63) / 64 * 64, gpu.largest())); };
+  const int columns = std::max(step(width), visible_.width),
+            rows = std::max(step(height), visible_.height);
+  if (visible_.width != columns || visible_.height != rows) gpu.allocate_depth(columns, rows);
+  gpu.allocate(visible_, GL_RGBA32UI, columns, rows, GL_RGBA_INTEGER, GL_UNSIGNED_INT);
+  MeshBuffers::Corners own, real;
+  if (!outline.area.empty()) own = mesh_.use(gpu, in.camera, camera_from_object(in), outline.whole);
+  if (has_holdout_) real = holdout_mesh_.use(gpu, in.camera, in.camera_from_marker, holdout.whole);
   const Program& p = gpu.use("visibility", {distortion(in.camera)});
-  set_projection(p, in, camera_from_object(in));
   glUniform4f(p.uniform("area"), float(area_.x0), float(area_.y0), float(width), float(height));
   const double n = around.nearest, f = around.farthest;
   glUniform2f(p.uniform("depth"), float((f + n) / (f - n)), float(-2 * f * n / (f - n)));
   gpu.target(0, visible_, true);
   glEnable(GL_DEPTH_TEST);
   glEnable(GL_SCISSOR_TEST);
+  glViewport(0, 0, width, height);
+  glScissor(0, 0, width, height);
   const GLuint nothing[4] = {};
   const GLfloat behind = 1;
-  const auto draw = [&](bool clear, int count) {
-    for (int s = 0; s < 4; ++s) {
-      const int x = s % 2 * quarter_width, y = s / 2 * quarter_height;
-      glViewport(x, y, width, height);
-      glScissor(x, y, width, height);
-      if (clear) glClearBufferuiv(GL_COLOR, 0, nothing), glClearBufferfv(GL_DEPTH, 0, &behind);
-      glUniform2f(p.uniform("shift"), 0.5f - float(kSampleX[s]) / 256,
-                  0.5f - float(kSampleY[s]) / 256);
-      if (count > 0) glDrawArrays(GL_TRIANGLES, 0, count);
-    }
+  glClearBufferuiv(GL_COLOR, 0, nothing);
+  const auto draw = [&](const MeshBuffers::Corners& corners, const Pose& pose, unsigned first) {
+    if (corners.count == 0) return;
+    set_projection(p, in, pose);
+    glUniform1ui(p.uniform("first"), first);
+    glBindVertexArray(corners.vertex_array);
+    glDrawArrays(GL_TRIANGLES, 0, corners.count);
   };
-  glUniform1ui(p.uniform("first"), 0);
-  draw(true,
-       outline.area.empty() ? 0 : mesh_.use(gpu, in.camera, camera_from_object(in), outline.whole));
-  if (has_holdout_) {
-    set_projection(p, in, in.camera_from_marker);
-    glUniform1ui(p.uniform("first"), kFirstHoldout);
-    draw(false, holdout_mesh_.use(gpu, in.camera, in.camera_from_marker, holdout.whole));
+  for (int s = 0; s < 4; ++s) {
+    glColorMask(s == 0, s == 1, s == 2, s == 3);
+    glClearBufferfv(GL_DEPTH, 0, &behind);
+    glUniform2f(p.uniform("shift"), 0.5f - float(kSampleX[s]) / 256,
+                0.5f - float(kSampleY[s]) / 256);
+    draw(own, camera_from_object(in), 0);
+    draw(real, in.camera_from_marker, kFirstHoldout);
   }
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_SCISSOR_TEST);
 }
@@ -297,14 +297,13 @@ void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p,
 
 // The holdouts' ratios, where holdouts are seen.
 void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
-  gpu.allocate(holdout_, GL_RGBA32F, visible_.width / 2, visible_.height / 2, GL_RGBA, GL_FLOAT);
+  gpu.allocate(holdout_, GL_RGBA32F, visible_.width, visible_.height, GL_RGBA, GL_FLOAT);
   const Program& p = gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "COLORS 0",
                                        "BOX 0", distortion(in.camera)});
   set_projection(p, in, in.camera_from_marker);
   gpu.bind("visible", visible_);
   holdout_mesh_.bind(gpu);
   glUniform1i(p.uniform("backs"), holdout_mesh_.backs());
-  glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   gpu.target(0, holdout_);
   gpu.draw_full_screen(area_.width(), area_.height());
@@ -319,7 +318,6 @@ void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
   gpu.bind("visible", visible_);
   mesh_.bind(gpu);
   glUniform1i(p.uniform("backs"), mesh_.backs());
-  glUniform2i(p.uniform("quarter"), visible_.width / 2, visible_.height / 2);
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   gpu.target(0, object_);
   gpu.draw_full_screen(area_.width(), area_.height());
