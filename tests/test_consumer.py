@@ -350,11 +350,13 @@ def test_the_blocks_of_the_documentation(build_tree, tmp_path):
         head = "#include <epoxy/gl.h>\n#include <fastibl/scene/cube_map.h>\n"
         compile_block(head + "void upload(const fastibl::CubeLevel& level, int mip) {\n" + block + "}\n", tmp_path)
     calls = re.findall(r"`(\w+\([^`]+\)[\w.]*)`", text[text.index("## A renderer of one's own") :])
+    calls += re.findall(r"`(renderer->\w+\([^`]*\))`", text)
     assert len(calls) >= 3
     head = "".join(f"#include <fastibl/{header}>\n" for header in ("lighting/fit_lighting.h", PUBLIC["gl"]))
     head += "#include <fastibl/lighting/dominant_lights.h>\n#include <fastibl/lighting/prefilter.h>\n"
     head += "using namespace fastibl;\nvoid calls(std::shared_ptr<const CubeMap> map, "
-    head += "const std::vector<PrefilterLevel>& levels, const Lighting& lighting) {\n"
+    head += "const std::vector<PrefilterLevel>& levels, const Lighting& lighting, "
+    head += "const std::unique_ptr<GlRenderer>& renderer, unsigned framebuffer, int width, int height) {\n"
     compile_block(head + "".join(f"static_cast<void>({call});\n" for call in calls) + "}\n", tmp_path)
     text = (ROOT / "docs" / "how-to" / "own-renderer.md").read_text()
     includes, block = re.search(r"```cpp\n(.*?)\n\n(const.*?)```", text, re.S).groups()
