@@ -87,6 +87,13 @@ def pose(eye: Eye | None = None) -> fastibl.Pose:
     return looking(TARGET - at, at)
 
 
+def beside(pose: fastibl.Pose) -> fastibl.Pose:
+    """A pose a hair beside: from the same one, a session leaves the object as it is."""
+    matrix = pose.matrix.copy()
+    matrix[0, 3] += 1e-4
+    return fastibl.Pose(matrix)
+
+
 def rays(dx: float = 0.5, dy: float = 0.5, eye: Eye | None = None) -> NDArray[np.float64]:
     """Unit directions (h, w, 3) through a point of each pixel, in the marker frame; by default through its centre."""
     x, y = np.meshgrid(np.arange(WIDTH) + dx, np.arange(HEIGHT) + dy)

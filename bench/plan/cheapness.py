@@ -50,8 +50,6 @@ def draw(case: Case, methods: dict) -> Drawn:
     session.set_methods(methods)
     lights = [fastibl.Environment(cases.environment(case.map)) for _ in range(2)]
     pose = cases.pose()
-    beside = pose.matrix.copy()
-    beside[0, 3] += 1e-4
 
     def seconds(pose: fastibl.Pose) -> float:
         frame = fastibl.Frame(0.0, back_from_marker=pose, back_exposure=cases.exposure(case.map))
@@ -64,7 +62,7 @@ def draw(case: Case, methods: dict) -> Drawn:
         session.set_environment(lights[k % 2])
         moving.append(seconds(pose))
     for _ in range(REPETITIONS):
-        staying += [seconds(fastibl.Pose(beside)), seconds(pose)]
+        staying += [seconds(cases.beside(pose)), seconds(pose)]
     true = truth.truth(case.map, case.mesh, case.material)
     return Drawn(cases.errors(render.picture(session), true, case.map).whole, min(moving[MOVING:]), min(staying))
 

@@ -18,8 +18,6 @@ from . import cases, render
 from .promise import QUICK
 
 _TINY = 1e-6  # a reflectance that requires every pass but cannot be seen
-
-
 _LESS = 0.95  # share of the full time, at most, that counts as less
 
 
@@ -32,13 +30,6 @@ def _lights(kind: str) -> list[fastibl.Environment]:
     every, half = np.float32(scale) * faces, np.concatenate([np.float32(scale) * faces[:3], faces[3:]])
     changed = half if kind == "changes" else every
     return [fastibl.Environment(fastibl.CubeMap(np.float32(f))) for f in (faces, changed)]
-
-
-def _beside(pose: fastibl.Pose, k: int) -> fastibl.Pose:
-    """The pose, a hair beside it in every second frame."""
-    matrix = pose.matrix.copy()
-    matrix[0, 3] += 1e-4 * (k % 2)
-    return fastibl.Pose(matrix)
 
 
 class Asked(NamedTuple):
@@ -69,7 +60,7 @@ def played(asked: Asked, frames: int = 14) -> Played:
         if lights:
             session.set_environment(lights[k % 2])
         begin = time.process_time()
-        at = _beside(pose, k) if moves else pose
+        at = cases.beside(pose) if moves and k % 2 else pose
         result = session.process(fastibl.Frame(0.1 * k, back=back, back_from_marker=at, back_exposure=0.4))
         result.image  # noqa: B018 - the picture has to arrive
         if k > 5:

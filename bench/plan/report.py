@@ -26,6 +26,7 @@ from fastibl.report.inputs import HEIGHT, pose_around
 from .. import inputs, mitsuba_scene
 from ..goals import Goal, percent, row, skipped
 from ..processes import python
+from .cases import beside
 
 _WIDTH, _HEIGHT = 160, 120
 _SAMPLES = 128
@@ -196,10 +197,10 @@ def _plane(scene: Scene, bsdf: dict) -> Iterator[Goal]:
     points = eye[:2] - eye[2] * rays[..., :2] / rays[..., 2:]
     open_ = (ours[..., 3] == 0) & (rays[..., 2] < -1e-3) & (np.abs(points) < 0.3).all(axis=-1)
     # Pixels at the object's edge are partly covered in Mitsuba's picture.
-    beside = ours[..., 3] > 0
+    around = ours[..., 3] > 0
     for axis in (0, 1):
-        beside |= np.roll(beside, 1, axis) | np.roll(beside, -1, axis)
-    open_ &= ~beside
+        around |= np.roll(around, 1, axis) | np.roll(around, -1, axis)
+    open_ &= ~around
     whole = reference.irradiance(mitsuba_scene.equirect_of(scene.cube, 192), [0.0, 0.0, 1.0]) / np.pi
     true = theirs[open_] / whole
     given = session.shadow_map.sample(points[open_]).astype(np.float64)
@@ -231,9 +232,7 @@ def _frame_seconds(scene: Scene) -> tuple[tuple[float, float, float], float]:
         "changed": [fastibl.CubeMap(faces), fastibl.CubeMap(brighter)],
         "another": [fastibl.CubeMap(faces), fastibl.CubeMap(1.5 * faces[:, :, ::-1])],
     }
-    beside = scene.pose.matrix.copy()
-    beside[0, 3] += 1e-4
-    poses = scene.pose, fastibl.Pose(beside)  # a camera that stays would leave the object as it is
+    poses = scene.pose, beside(scene.pose)
     material = fastibl.Material(diffuse=_ALBEDO)
     sessions = {
         name: fastibl.Session(fastibl.Scene(scene.mesh, material), fastibl.Rig(camera), None, scene.cube)
