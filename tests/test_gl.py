@@ -156,6 +156,13 @@ def both(scene, camera, environment, frame, methods="auto"):
     return made
 
 
+def drawn_by_gl():
+    """A picture by a session that is gone afterwards."""
+    rig = fastibl.Rig(camera_named("pinhole"))
+    session = fastibl.Session(scene_of("glossy"), rig, environment=marked_map(), backend="gl")
+    return session.process(fastibl.Frame(time=0.0, back_from_marker=POSES["usual"])).image
+
+
 def compare_products(made, back=None, object_tolerance=2e-4):
     (cpu, a), (gl, b) = made
     assert a.passes == b.passes
@@ -561,13 +568,7 @@ def test_another_context_stays_current():
         gl = ctypes.CDLL("libGLESv2.so.2")
         gl.glViewport(1, 2, 3, 4)
         import test_gl
-        camera = test_gl.camera_named("pinhole")
-        frame = test_gl.fastibl.Frame(time=0.0, back_from_marker=test_gl.POSES["usual"])
-        scene, environment = test_gl.scene_of("glossy"), test_gl.marked_map()
-        session = test_gl.fastibl.Session(
-            scene, test_gl.fastibl.Rig(camera), environment=environment, backend="gl")
-        session.process(frame)
-        del session
+        test_gl.drawn_by_gl()
         assert egl.eglGetCurrentContext() == context
         viewport = (ctypes.c_int * 4)()
         gl.glGetIntegerv(0x0BA2, viewport)
@@ -608,13 +609,7 @@ def test_a_context_of_glx_stays_current():
             assert gl.glXMakeCurrent(display, number(drawable), pointer(context))
             gl.glViewport(1, 2, 3, 4)
             import test_gl
-            camera = test_gl.camera_named("pinhole")
-            frame = test_gl.fastibl.Frame(time=0.0, back_from_marker=test_gl.POSES["usual"])
-            scene, environment = test_gl.scene_of("glossy"), test_gl.marked_map()
-            session = test_gl.fastibl.Session(
-                scene, test_gl.fastibl.Rig(camera), environment=environment, backend="gl")
-            print(session.process(frame).image.any())
-            del session
+            print(test_gl.drawn_by_gl().any())
             assert gl.glXGetCurrentContext() == context and gl.glXGetCurrentDrawable() == drawable
             viewport = (ctypes.c_int * 4)()
             gl.glGetIntegerv(0x0BA2, viewport)
