@@ -47,3 +47,11 @@ def same_error(call, kind, *words):
         call()
     for word in words:
         assert word in str(caught.value), str(caught.value)
+
+
+def in_picture(layer, camera, dtype=np.float32):
+    """An object's layer in its place in the whole picture (h, w, 4)."""
+    whole = np.zeros((camera.height, camera.width, 4), dtype)
+    h, w = layer.rgba.shape[:2]
+    whole[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+    return whole

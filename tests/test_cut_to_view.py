@@ -5,6 +5,7 @@ import pytest
 from test_gl import HALF_ERROR, needs_gl
 
 import fastibl
+from conftest import in_picture
 from views import camera_of, looking
 
 # Parts of what is drawn are seen: no pose is doubted.
@@ -56,10 +57,7 @@ def shown(mesh, material, camera, pose, backend, environment=DARK):
         scene, fastibl.Rig(camera), environment=environment, backend=backend, methods={"self_shadow": "none"}
     )
     session.process(fastibl.Frame(0.0, back_from_marker=pose))
-    layer, full = session.object, np.zeros((camera.height, camera.width, 4), np.float32)
-    h, w = layer.rgba.shape[:2]
-    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
-    return full
+    return in_picture(session.object, camera)
 
 
 def rays_through(camera, pose, samples):

@@ -11,7 +11,7 @@ from test_gl import needs_gl
 from test_mesh_files import Gltf
 
 import fastibl
-from conftest import same_error
+from conftest import in_picture, same_error
 from fastibl import reference
 from views import camera_of, looking
 
@@ -42,10 +42,7 @@ def layer_of(mesh, material, source, camera=CAMERA, pose=POSE, backend="cpu", me
     scene = fastibl.Scene(mesh, material, spheres=0, visibility_rays=0)
     session = fastibl.Session(scene, fastibl.Rig(camera), environment=source, backend=backend, methods=methods, error=0)
     session.process(fastibl.Frame(0.0, back_from_marker=pose))
-    layer, out = session.object, np.zeros((camera.height, camera.width, 4))
-    h, w = layer.rgba.shape[:2]
-    out[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
-    return out
+    return in_picture(session.object, camera, np.float64)
 
 
 ABOVE = looking((0, 0, -1), (0.0, 0.0, 0.5))  # x to the right, y upwards

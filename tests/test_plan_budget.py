@@ -14,7 +14,7 @@ from scenes import scene_of
 from test_place import ball
 
 import fastibl
-from conftest import same_error
+from conftest import in_picture, same_error
 from fastibl import costs
 from fastibl._fastibl import _due_seconds, _measured_errors, _plan_seconds, with_gl
 from fastibl.comparison import irradiance_error
@@ -544,8 +544,7 @@ def test_light_that_drifts_away_is_judged_in_steps():
 def picture_of(session, pose, camera, table, exposure=1.0):
     """The composite (h, w, 3) in linear light, cut at white, and what the object covers (h, w)."""
     session.process(fastibl.Frame(0.0, back_from_marker=pose, back_exposure=exposure))
-    layer, rgba = session.object, np.zeros((camera.height, camera.width, 4))
-    rgba[layer.y : layer.y + layer.rgba.shape[0], layer.x : layer.x + layer.rgba.shape[1]] = layer.rgba
+    rgba = in_picture(session.object, camera, np.float64)
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     d = camera.unproject(np.stack([x, y], axis=-1)) @ pose.rotation
     eye = pose.inverse().translation
@@ -606,8 +605,7 @@ def test_the_bounce_of_a_floor_that_is_not_even_is_judged():
     true = TrueRenderer(scene, extent=1.0, grid=128)
     back = np.zeros((60, 80, 3), np.uint8)
     truth = true.render(back, 1.0, camera, pose, cube)
-    layer, made = session.object, np.zeros((60, 80, 4))
-    made[layer.y : layer.y + layer.rgba.shape[0], layer.x : layer.x + layer.rgba.shape[1]] = layer.rgba
+    made = in_picture(session.object, camera, np.float64)
     whole = (truth.coverage == 1) & (made[..., 3] == 1)
     error = np.sqrt(((made[..., :3] - truth.linear)[whole] ** 2).mean()) / truth.linear[whole].mean()
     plan = fastibl.make_plan(scene, cube, error=0.5, methods=methods, camera=camera, camera_from_marker=pose)

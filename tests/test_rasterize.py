@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 import fastibl
+from conftest import in_picture
 from fastibl import reference
 from views import camera_of, looking, rays_of
 
@@ -20,9 +21,7 @@ def layer_of(mesh, camera=CAMERA, pose=DOWN, material=GLOW):
     session = fastibl.Session(scene, fastibl.Rig(camera), environment=DARK)
     image = session.process(fastibl.Frame(0.0, back_from_marker=pose)).image
     assert image.shape == (camera.height, camera.width, 4)
-    layer, full = session.object, np.zeros((camera.height, camera.width, 4), np.float32)
-    h, w = layer.rgba.shape[:2]
-    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
+    full = in_picture(session.object, camera)
     np.testing.assert_array_equal(full[..., 0], full[..., 3])  # colour is multiplied by coverage
     return full
 
@@ -207,10 +206,7 @@ def lit(mesh, pose, **options):
     scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(0.8, 0.6, 0.4)), spheres=0, **options)
     session = fastibl.Session(scene, fastibl.Rig(CAMERA), environment=fastibl.CubeMap(faces))
     session.process(fastibl.Frame(0.0, back_from_marker=pose))
-    layer, full = session.object, np.zeros((72, 96, 4), np.float32)
-    h, w = layer.rgba.shape[:2]
-    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
-    return full
+    return in_picture(session.object, CAMERA)
 
 
 def ball(radius, subdivisions=4):
@@ -310,10 +306,7 @@ def test_curved_triangles_are_shaded_at_each_sample():
         camera = fastibl.Camera(48 * n, 36 * n, 90.0 * n, 90.0 * n, 24.0 * n, 18.0 * n)
         session = fastibl.Session(scene, fastibl.Rig(camera), environment=environment)
         session.process(fastibl.Frame(0.0, back_from_marker=looking(np.array([0, 0, 0.03]) - eye, eye)))
-        layer, full = session.object, np.zeros((36 * n, 48 * n, 4))
-        h, w = layer.rgba.shape[:2]
-        full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
-        return full
+        return in_picture(session.object, camera, np.float64)
 
     fine, few = 16, draw(1)
     many = draw(fine).reshape(36, fine, 48, fine, 4).mean(axis=(1, 3))

@@ -9,7 +9,7 @@ from test_material import sphere
 from test_occlusion import floor_and_wall, soup
 
 import fastibl
-from conftest import same_error, units
+from conftest import in_picture, same_error, units
 from fastibl import _fastibl, reference
 from fastibl.extremes.views import looking, rays_of
 
@@ -423,10 +423,7 @@ def share_picture(scene, method, environment, pose):
         methods["glossy"] = fastibl.Method("sampled", taps=64)
         session = fastibl.Session(scene, fastibl.Rig(LENS), environment=environment, methods=methods)
         session.process(fastibl.Frame(0.0, back_from_marker=pose))
-        layer, full = session.object, np.zeros((LENS.height, LENS.width, 4))
-        h, w = layer.rgba.shape[:2]
-        full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
-        made.append(full)
+        made.append(in_picture(session.object, LENS, np.float64))
     whole = made[1][..., 3] == 1
     return np.where(whole, made[0][..., 1] / np.where(whole, made[1][..., 1], 1), 1), whole
 

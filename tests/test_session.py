@@ -13,7 +13,7 @@ import pytest
 from test_gl import needs_gl
 
 import fastibl
-from conftest import same_error
+from conftest import in_picture, same_error
 from views import camera_of, looking, rays_of
 
 CAMERA = camera_of(96, 72, 50.0)
@@ -38,19 +38,11 @@ def given(time=0.0, **others):
     return fastibl.Frame(time, **{"back": BACK, "back_from_marker": POSE, **others})
 
 
-def sheet(layer):
-    """The object layer over the whole picture, (h, w, 4)."""
-    full = np.zeros((CAMERA.height, CAMERA.width, 4), np.float32)
-    h, w = layer.rgba.shape[:2]
-    full[layer.y : layer.y + h, layer.x : layer.x + w] = layer.rgba
-    return full
-
-
 def test_object_and_matte_without_a_picture():
     session = fastibl.Session(ball(), RIG, environment=WHITE)
     result = session.process(given(back=None))
     assert result.image.shape == (72, 96, 4) and result.image.dtype == np.uint8
-    layer = sheet(session.object)
+    layer = in_picture(session.object, CAMERA)
     solid, free = layer[..., 3] == 1, layer[..., 3] == 0
     assert (result.image[solid, 3] == 255).all() and (result.image[free & (result.image[..., 3] > 0), :3] == 0).all()
     assert (free & (result.image[..., 3] > 0)).any(), "no shadow"
@@ -93,7 +85,7 @@ def test_emission_and_mirror_look_where_they_should(marked):
     scene = ball(fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=np.inf, emission=(2, 0, 1)), spheres=0)
     session = fastibl.Session(scene, RIG, environment=marked)
     session.process(given(back=None))
-    rgba = sheet(session.object)
+    rgba = in_picture(session.object, CAMERA)
     rays, centre = rays_of(CAMERA, POSE), np.array([0, 0, 0.03])
     b = ((EYE - centre) * rays).sum(axis=-1)
     disc = b**2 - ((np.asarray(EYE) - centre) ** 2).sum() + 0.027**2  # away from the silhouette
@@ -112,7 +104,7 @@ def test_the_exposure_of_the_picture_scales_the_object():
     session = fastibl.Session(ball(material, spheres=0), fastibl.Rig(camera), environment=WHITE)
     for k, exposure in enumerate((0.25, 1.0, 3.0)):
         image = session.process(given(float(k), back_exposure=exposure)).image
-        solid = sheet(session.object)[..., 3] == 1
+        solid = in_picture(session.object, CAMERA)[..., 3] == 1
         y, x = np.nonzero(solid)
         r2 = ((x + 0.5 - camera.cx) ** 2 + (y + 0.5 - camera.cy) ** 2) / camera.fx**2
         linear = np.outer(exposure * 1.5 * (1 - 0.4 * r2), (0.2, 0.1, 0.05))
@@ -123,7 +115,7 @@ def test_the_exposure_of_the_picture_scales_the_object():
 def test_bytes_are_untouched_where_nothing_is():
     session = fastibl.Session(ball(), RIG, environment=WHITE)
     result = session.process(given())
-    layer = sheet(session.object)
+    layer = in_picture(session.object, CAMERA)
     changed = (result.image != BACK).any(axis=-1)
     matte = fastibl.Session(ball(), RIG, environment=WHITE).process(given(back=None)).image[..., 3]
     assert not changed[(layer[..., 3] == 0) & (matte == 0)].any() and changed.any()
@@ -154,7 +146,7 @@ def test_both_back_ends_draw_what_is_nearly_matte(marked):
             ball(material), RIG, environment=marked, backend=backend, methods=methods, error=0, cast_shadow=False
         )
         session.process(given())
-        layers.append(sheet(session.object))
+        layers.append(in_picture(session.object, CAMERA))
     assert layers[0][..., :3].max() > 0.1
     assert np.abs(layers[1] - layers[0]).max() < 0.02 * layers[0].max()
 
@@ -210,10 +202,10 @@ def test_moving_the_object_is_moving_the_marker():
     placed = fastibl.Scene(scene.mesh, scene.material, turn, spheres=0, visibility_rays=0)
     third = fastibl.Session(placed, RIG, environment=WHITE)
     third.process(given(back=None, back_from_marker=POSE.matrix))
-    np.testing.assert_array_equal(sheet(moved.object), sheet(chained.object))
-    np.testing.assert_array_equal(sheet(moved.object), sheet(third.object))
+    np.testing.assert_array_equal(in_picture(moved.object, CAMERA), in_picture(chained.object, CAMERA))
+    np.testing.assert_array_equal(in_picture(moved.object, CAMERA), in_picture(third.object, CAMERA))
     centre = CAMERA.project(POSE @ (turn @ np.array([0, 0, 0.03])))
-    alpha = sheet(moved.object)[..., 3]
+    alpha = in_picture(moved.object, CAMERA)[..., 3]
     y, x = np.indices(alpha.shape) + 0.5
     assert np.hypot((alpha * x).sum() / alpha.sum() - centre[0], (alpha * y).sum() / alpha.sum() - centre[1]) < 0.3
 
@@ -381,9 +373,9 @@ def test_a_flat_or_distant_camera_is_no_trouble():
 def test_black_light():
     session = fastibl.Session(ball(), RIG, environment=fastibl.CubeMap(np.zeros((6, 4, 4, 3))))
     result = session.process(given())
-    solid = sheet(session.object)[..., 3] == 1
+    solid = in_picture(session.object, CAMERA)[..., 3] == 1
     assert (result.image[solid] == 0).all() and result.shadow_map.no_light
-    free = sheet(session.object)[..., 3] == 0
+    free = in_picture(session.object, CAMERA)[..., 3] == 0
     np.testing.assert_array_equal(result.image[free], BACK[free])
 
 
