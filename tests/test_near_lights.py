@@ -148,8 +148,8 @@ def test_distant_lights_have_no_position():
 
 
 def test_the_interval_allows_for_near_things_until_they_are_known():
-    """No lamp is to be seen: nothing says whether the walls are near."""
-    film(unsure := fastibl.Capture(size=64, centre=CENTRE), 12, lamp=lambda k: False)
+    """No lamp is to be seen, and whoever says that the walls are far may be wrong."""
+    film(unsure := fastibl.Capture(size=64, centre=CENTRE, distance=np.inf), 12, lamp=lambda k: False)
     film(told := fastibl.Capture(size=64, centre=CENTRE, box=(LOWER, UPPER)), 12, lamp=lambda k: False)
     a, b = unsure.environment(), told.environment()
     print(a.knowledge, a.predicted_interval, b.predicted_interval)

@@ -19,6 +19,7 @@ from .recordings import LIT_ROOM, ROOM, Sweep, followed, sweep, sweeps
 _BOX = (tuple(float(x) for x in LOWER - [0, 0, 0.001]), tuple(float(x) for x in UPPER))
 KNOWN: tuple[tuple[str, dict[str, Any]], ...] = (
     ("nothing said of distances", {}),
+    ("all but lights said to be far", {"distance": float("inf")}),
     ("walls said to be at 3 m", {"distance": 3.0}),
     ("walls said to be a box", {"box": _BOX}),
 )
@@ -86,8 +87,37 @@ def after_sweep_of_room() -> Iterator[Goal]:
         for what, known in KNOWN:
             swept: Sweep = sweep(place, **known)
             yield _room_goal(
-                f"built-in {place}, lights at 1-3 m, 60 tracked frames, {what}", swept.environment, swept.true, True
+                f"built-in {place}, lights at 1-3 m, 60 tracked frames, {what}",
+                swept.environment,
+                swept.true,
+                judged=known.get("distance") != float("inf"),
             )
     for what, known in KNOWN:
         *_, (_, environment, true) = followed(ROOM, 20, "sweep", 0, **known)
-        yield _room_goal(f"built-in {ROOM}, 120 frames with true poses, {what}", environment, true, False)
+        yield _room_goal(f"built-in {ROOM}, 120 frames with true poses, {what}", environment, true, judged=False)
+
+
+@row("capture", "distance of the surroundings")
+def distances() -> Iterator[Goal]:
+    """Found in the room, and in no place at infinity. The room's: of the mean inverse distance of its walls."""
+    ways = np.concatenate([fastibl.texel_directions(32)[face, y] for face in range(6) for y in range(32)]).astype(float)
+    ways = ways[ways[:, 2] > 0]
+    centre = np.array(inputs.OBJECT)
+    with np.errstate(divide="ignore"):
+        reach = np.where(ways > 0, (UPPER - centre) / ways, (LOWER - centre) / ways).min(axis=1)
+    true = 1 / float((1 / reach).mean())
+    for place in (ROOM, LIT_ROOM, *inputs.MAPS):
+        found, after = [], []
+        for path in ("sweep", "hand"):
+            for seed in (0, 1):
+                known = [capture.distance for capture, _, _ in followed(place, 10, path, seed)]
+                found.append(known[-1])
+                after += [next(k + 1 for k, x in enumerate(known) if np.isfinite(x))] if np.isfinite(known[-1]) else []
+        near = place in (ROOM, LIT_ROOM)
+        yield Goal(
+            f"{place}, 60 frames of 2 sweeps and 2 hand films: metres to the walls, as found",
+            ", ".join(f"{x:.2f}" for x in found),
+            f"within 25 % of {true:.2f}" if near else "inf",
+            bool(np.all(np.abs(np.array(found) / true - 1) < 0.25)) if near else bool(np.all(np.isinf(found))),
+            (f"first after {', '.join(map(str, after))} pictures of each camera",) if after else (),
+        )

@@ -71,7 +71,8 @@ centre: where the object stands (metres, marker frame, z > 0), from which the pl
 plane_albedo: albedo of the plane where no camera saw it.
 paper_albedo: albedo of the board's white, which is a light meter: unseen parts of the sky are made so bright that the
 map lights the plane as it is really lit.
-distance: metres to what is seen above the horizon; infinite (the default) treats all light as distant.
+distance: metres to what is seen above the horizon; infinite treats all light as distant. None (the default): found
+from how pictures taken from several places differ (see the property), and infinite until then.
 box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
 centre (Lagarde and Zanuttini 2012).
 locate_lights: whether lights that several pictures show are triangulated and put where the object sees them, whatever
@@ -87,7 +88,7 @@ lights apart. Without a board, or where its white clips, nothing is boosted. Env
 how much of the light was boosted.
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
-                       double plane_albedo, double distance,
+                       double plane_albedo, std::optional<double> distance,
                        const std::optional<std::array<std::array<double, 3>, 2>>& box,
                        bool locate_lights, const CubeMap* prior, bool doubt_exposures,
                        double paper_albedo, double most_boost) {
@@ -107,7 +108,7 @@ Raises ValueError for values out of range.)")
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
            py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
-           py::arg("distance") = std::numeric_limits<double>::infinity(),
+           py::arg("distance") = py::none(),
            py::arg("box") = py::none(), py::arg("locate_lights") = true,
            py::arg("prior") = py::none(), py::arg("doubt_exposures") = false,
            py::arg("paper_albedo") = 0.85, py::arg("most_boost") = 1.0)
@@ -158,6 +159,13 @@ plane: False where the place of the camera is a guess: what was otherwise seen o
 number: tells apart cameras whose parameters are the same.
 Returns Taken.
 Raises ValueError or TypeError, naming what was expected and what came.)")
+      .def_property_readonly(
+          "distance",
+          [](const Capture& capture) {
+            return one_at_a_time(&capture, [&] { return capture.distance(); });
+          },
+          "Metres to what is seen above the horizon: as given, or as the pictures say so far; inf "
+          "where all light is distant. Without meaning where a box is given.")
       .def_property_readonly("mended", [](const Capture& capture) { return one_at_a_time(&capture, [&] { return capture.mended(); }); }, R"(How often the scale of a camera that tells no exposure was found wrong.
 
 Everything that it had shown was then made brighter or darker, so that the sky lights the board as the board's white

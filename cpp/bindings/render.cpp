@@ -145,7 +145,7 @@ void bind_making(py::class_<Session>& session_class) {
       py::init([](const Scene& scene, const Rig& rig, const std::optional<Board>& board,
                   const std::shared_ptr<Environment>& environment, const py::object& detector,
                   const std::string& backend, const Methods& methods, double error,
-                  double milliseconds, int size, bool cast_shadow, double distance,
+                  double milliseconds, int size, bool cast_shadow, std::optional<double> distance,
                   const std::optional<std::array<std::array<double, 3>, 2>>& box,
                   bool doubt_exposures, const std::array<double, 3>& front_ratio,
                   bool follow_surroundings, const CubeMap* prior, double paper_albedo,

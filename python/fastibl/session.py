@@ -164,7 +164,8 @@ class Session(_Session):
     backend: "cpu", "gl", or "auto" (the CPU).
     detector: function (grey, board, camera) -> (tags, start), OpenCV's by default.
     size: face edge of the captured map.
-    distance: rough distance of the walls in metres, where they are near; infinite treats all light as distant.
+    distance: rough distance of the walls in metres; infinite treats all light as distant. None (the default): found
+    from how pictures taken from several places differ (capture.distance).
     box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame.
     doubt_exposures: whether a picture that differs from the map by one factor everywhere is at first taken to be
     wrongly exposed, see Capture.
@@ -200,7 +201,7 @@ class Session(_Session):
         detector: Callable[..., Any] = detect,
         size: int = 128,
         cast_shadow: bool = True,
-        distance: float = float("inf"),
+        distance: float | None = None,
         box: Sequence[Sequence[float]] | None = None,
         doubt_exposures: bool = True,
         front_ratio: Sequence[float] = (1.0, 1.0, 1.0),
@@ -236,7 +237,7 @@ class Session(_Session):
             *budgets,
             size,
             cast_shadow,
-            float(distance),
+            None if distance is None else float(distance),
             None if box is None else [[float(x) for x in corner] for corner in box],
             bool(doubt_exposures),
             [float(x) for x in front_ratio],

@@ -23,9 +23,10 @@ constexpr int kSmallLater = 12;
 constexpr double kMeterPause = 0.1;  // seconds between readings of the board's white
 constexpr int kPicturesPerFill = 2;  // between updates of what unseen tiles should hold
 constexpr float kOtherScale = 0.5f;  // change of a prior map's brightness that is shown at once
-constexpr float kFarther = 2, kFartherBy = 0.3f;  // factor, metres: beyond, wide pictures tell less
+constexpr double kFarther = 2, kFartherBy = 0.3;  // factor, metres: beyond, wide pictures tell less
 constexpr std::size_t kChanges = 16;              // of all the light that are remembered
 constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
 // Bands of rows that share a pose: at 60 degrees a second and 30 ms of readout, neighbouring bands
 // differ by 0.1 degrees.
@@ -97,8 +98,8 @@ CaptureOptions checked(CaptureOptions options) {
   check(std::isfinite(centre.x) && std::isfinite(centre.y) && std::isfinite(centre.z),
         "the centre must be finite, got ", centre.x, " ", centre.y, " ", centre.z);
   check(centre.z > 0, "the centre must lie above the plane (z > 0), got z = ", centre.z);
-  check(options.distance > 0, "the distance of the place must be positive (metres), got ",
-        options.distance);
+  check(!options.distance || *options.distance > 0,
+        "the distance of the place must be positive (metres), got ", options.distance.value_or(0));
   if (options.box) check_box(*options.box, centre);
   check(!options.prior || options.prior->size() > 0, "the prior map has no texels");
   check(options.paper_albedo > 0 && options.paper_albedo <= 1,
@@ -116,7 +117,8 @@ Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
       grid_{options_.size},
       outlines_(grid_),
-      surroundings_(outlines_, options_.centre, options_.distance, options_.box),
+      surroundings_(outlines_, options_.centre, options_.distance.value_or(kInfinity), options_.box),
+      sweep_(options_.centre),
       tracks_(options_.centre),
       state_(grid_),
       sums_(std::size_t(grid_.count())),
@@ -152,7 +154,7 @@ Capture::Capture(CaptureOptions options)
   versions_.assign(tiles, new_tile_version());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   scales_.assign(tiles, kNoScale);
-  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0), vantage_.assign(tiles, 0.0f);
+  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0), eyes_.assign(tiles, options_.centre);
   if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
     prior_.emplace(*options_.prior, grid_);
@@ -247,7 +249,10 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   const Camera& camera = k.camera;
   const double exposure = taken.exposure;
   const double tint = (taken.tint.x + taken.tint.y + taken.tint.z) / 3;  // of what is grey
-  if (plane) locate_lights(picture, k, poses, exposure * tint);
+  if (plane) {
+    find_distance(picture, k, poses, mask);
+    locate_lights(picture, k, poses, exposure * tint);
+  }
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board)
@@ -277,8 +282,8 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (!plane) std::erase_if(tiles_, [&](int tile) { return plane_seen_[std::size_t(tile)] != 0; });
-  const auto far = float(glm::length(poses.at(0.5).inverse().translation - options_.centre));
-  if (k.side) leave_out_far_tiles(far);
+  const glm::dvec3 eye = poses.at(0.5).inverse().translation;
+  if (k.side) leave_out_far_tiles(eye);
   if (tiles_.empty()) return false;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
@@ -304,7 +309,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) {
       changed.push_back(tiles_[i]);
-      vantage_[std::size_t(tiles_[i])] = far;
+      eyes_[std::size_t(tiles_[i])] = eye;
       if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
     }
   return true;
@@ -531,12 +536,13 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
 // Near things are seen in other directions from far off: pictures of a 360° camera that is carried
 // through a room only fill in what those beside the object did not see. A light whose place is
 // known is not left out.
-void Capture::leave_out_far_tiles(float distance) {
+void Capture::leave_out_far_tiles(const glm::dvec3& eye) {
+  const double distance = glm::length(eye - options_.centre);
   std::erase_if(tiles_, [&](int tile) {
     const std::size_t i = std::size_t(tile);
     return unseen_.above(tile) && sums_[i].count == tile_rect(grid_, tile).texels() &&
            surroundings_.is_usual(surroundings_.depth(tile)) &&
-           distance > kFarther * vantage_[i] + kFartherBy;
+           distance > kFarther * glm::length(eyes_[i] - options_.centre) + kFartherBy;
   });
 }
 

@@ -17,6 +17,7 @@
 #include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
+#include "fastibl/capture/sphere_sweep.h"
 #include "fastibl/capture/surroundings.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/texel_view.h"
@@ -38,8 +39,9 @@ struct CaptureOptions {
   glm::dvec3 centre{0, 0,
                     0.05};  // metres, z > 0: where the object stands, from which the plane is seen
   // Metres from `centre` to what is seen above the horizon: light from there is placed where the
-  // object sees it, not where the camera does. Infinite: all light is distant.
-  double distance = std::numeric_limits<double>::infinity();
+  // object sees it, not where the camera does. Infinite: all light is distant. std::nullopt: found
+  // from how pictures taken from several places differ, and infinite until then.
+  std::optional<double> distance;
   std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
   // Whether lights that several pictures show are triangulated and placed where the object sees
   // them.
@@ -105,6 +107,9 @@ class Capture {
                        const ExposureRange& range) const;
 
   int size() const { return options_.size; }
+  // Metres to what is seen above the horizon: as given, or as the pictures say so far. Without
+  // meaning where there is a box.
+  double distance() const { return surroundings_.distance(); }
   const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // How often everything that a camera without told exposures had shown was made brighter or darker
@@ -204,6 +209,12 @@ class Capture {
   // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
+  // In move_map.cpp. Learns the distance where it was not given.
+  void find_distance(const Picture& picture, const KnownCamera& camera,
+                     const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask);
+  void move_to(double distance);
+  template <class Source>
+  void resample(const TexelState& old, const Source& source);
   // In locate_lights.cpp.
   void locate_lights(const Picture& picture, KnownCamera& camera,
                      const RowPoses& camera_from_marker, double exposure);
@@ -222,9 +233,8 @@ class Capture {
   bool forget_bright(int tile);
   // Removes from tiles_ the tiles that the picture need not give.
   void leave_out_quiet_tiles(const View& view);
-  // Removes tiles of the sky that were seen whole from much nearer to the centre than `far`,
-  // metres.
-  void leave_out_far_tiles(float distance);
+  // Removes tiles of the sky that were seen whole from much nearer to the centre than `eye` is.
+  void leave_out_far_tiles(const glm::dvec3& eye);
   void compare_probes(const View& view, const int* tiles, int count);
   // How a rolling shutter shows a tile.
   struct Roll {
@@ -246,7 +256,7 @@ class Capture {
   void make_levels(int tile);
   const float* angles_of(int tile) const;  // solid angles of its texels
   TileSums sum_of(int tile) const;
-  void renew_all();  // with turn(), in turn_map.cpp
+  void renew_all();  // in move_map.cpp
   int refills_after(double time, const Camera& camera) const;
   bool is_small_refill(int tile) const;
   bool refill(int tile);
@@ -261,6 +271,7 @@ class Capture {
   double time_ = -1e30;
   TileOutlines outlines_;
   Surroundings surroundings_;
+  SphereSweep sweep_;
   LightTracks tracks_;
   double far_ = 0, looks_ = 0;  // metres from the centre, summed over pictures; their number
   struct Disc {
@@ -313,7 +324,7 @@ class Capture {
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
   std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
-  std::vector<float> vantage_;            // by tile: from how far off it was last seen, metres
+  std::vector<glm::dvec3> eyes_;  // by tile: where it was last seen from; infinite: from many places
   std::vector<std::uint8_t> at_rim_;      // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, the latest first
 };

@@ -49,6 +49,7 @@ class Surroundings {
   const std::vector<LightPosition>& lights() const { return lights_; }
   // How near everything but these lights is assumed to be in a direction, 1 / m.
   double usual(const glm::dvec3& direction) const;
+  double distance() const { return 1 / double(usual_.inverse_distance); }  // metres
   bool has_box() const { return usual_.box; }
   // Difference of a light's inverse distance from the one that would be assumed there, 1 / m.
   double gap(const LightPosition& light) const;

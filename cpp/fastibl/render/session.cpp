@@ -64,6 +64,8 @@ CaptureOptions capture_options(const SessionOptions& options, const std::optiona
   capture.size = options.map_size;
   capture.board = board;
   capture.distance = options.distance;
+  if (options.methods.capture == CaptureMethod::single && !capture.distance)
+    capture.distance = std::numeric_limits<double>::infinity();  // as in the paper
   capture.box = options.box;
   capture.prior = options.prior;
   capture.paper_albedo = options.paper_albedo;

@@ -90,7 +90,9 @@ def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
         size.add_argument("--scale", type=positive, help="metres of a unit of the mesh: 1 keeps the size of a .glb")
     p.add_argument("--methods", choices=("auto", "paper"), default="auto", help="default: %(default)s")
     p.add_argument("--backend", choices=("auto", "cpu", "gl"), default="auto", help="default: %(default)s")
-    p.add_argument("--distance", type=positive, default=float("inf"), help="rough distance of the walls in metres")
+    p.add_argument(
+        "--distance", type=positive, help="rough distance of the walls in metres; default: found from the pictures"
+    )
 
 
 def object_of(arguments: argparse.Namespace) -> tuple[Mesh, Material | None]:

@@ -1,0 +1,154 @@
+// Moves what a map holds to where it belongs: after the marker was turned under it, and once the
+// distance of things is known.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "fastibl/capture/capture.h"
+#include "fastibl/core/check.h"
+
+namespace fastibl {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFarAway = 1e9;  // metres
+constexpr int kRounds = 3;
+
+}  // namespace
+
+// Every texel above the horizon takes what `old` held in source(tile, direction), std::nullopt for
+// nothing.
+template <class Source>
+void Capture::resample(const TexelState& old, const Source& source) {
+  const std::size_t stride = std::size_t(grid_.stride());
+  const float half = 0.4f / float(grid_.size);
+  // Averages those of the four texels around a texel's place that were seen, as if looked up there.
+  const auto take = [&](int tile, int k, const std::optional<glm::vec3>& direction) {
+    float count = 0, value[3] = {}, variance[3] = {};
+    double seen = kNever;
+    std::uint8_t bound = 0;
+    for (int corner = 0; direction && corner < 4; ++corner) {
+      const glm::vec3 side = glm::normalize(glm::cross(
+          *direction, std::abs(direction->z) < 0.9f ? glm::vec3(0, 0, 1) : glm::vec3(1, 0, 0)));
+      const glm::vec3 other = glm::cross(*direction, side);
+      const glm::vec3 d = *direction + half * ((corner & 1 ? 1.0f : -1.0f) * side +
+                                               (corner & 2 ? 1.0f : -1.0f) * other);
+      if (!(d.z > 0)) continue;  // the plane
+      const TexelPlace at = texel_at(d, grid_.size);
+      const TilePlace from = tile_place(grid_, at.face, at.x, at.y);
+      const double time = old.last_seen.at(from.tile, from.texel);
+      if (!(time > kNever)) continue;
+      const std::size_t i = std::size_t(from.tile) * stride + std::size_t(from.texel);
+      for (int c = 0; c < 3; ++c) value[c] += old.value[c][i], variance[c] += old.variance[c][i];
+      bound |= old.bound[i], seen = std::max(seen, time), ++count;
+    }
+    if (count == 0 && !(state_.last_seen.at(tile, k) > kNever)) return;
+    const std::size_t to = std::size_t(tile) * stride + std::size_t(k);
+    for (int c = 0; c < 3; ++c) {
+      state_.value[c][to] = count > 0 ? value[c] / count : 0;
+      // Adds what may differ within a texel.
+      const float blur = kModelNoise * state_.value[c][to];
+      state_.variance[c][to] = count > 0 ? variance[c] / count + blur * blur : 0;
+    }
+    state_.bound[to] = bound;
+    state_.last_seen.texels(tile)[k] = seen;
+  };
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    if (!unseen_.above(tile)) continue;
+    const FaceRect r = tile_rect(grid_, tile);
+    int k = 0;
+    for (int y = r.y0; y < r.y1; ++y)
+      for (int x = r.x0; x < r.x1; ++x, ++k) {
+        const glm::vec3 d = glm::normalize(texel_direction(r.face, x, y, grid_.size));
+        if (d.z > 0) take(tile, k, source(tile, d));
+      }
+  }
+}
+
+void Capture::turn(const glm::dmat3& new_from_old) {
+  check(is_rotation(new_from_old, 1e-3), "a map can only be turned by a rotation");
+  const glm::mat3 old_from_new(glm::transpose(new_from_old));
+  const TexelState old = std::exchange(state_, TexelState(grid_));
+  resample(old, [&](int, const glm::vec3& d) { return std::optional(old_from_new * d); });
+  sweep_ = SphereSweep(options_.centre);
+  tracks_ = LightTracks(options_.centre);
+  surroundings_ = Surroundings(outlines_, options_.centre, distance(), options_.box);
+  quiet_ = QuietTiles(grid_);
+  prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
+  plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
+  eyes_.assign(eyes_.size(), glm::dvec3(kInfinity));
+  scales_.assign(scales_.size(), kOwnScale);  // tiles mix
+  unseen_ = UnseenTiles(grid_, float(options_.plane_albedo));
+  renew_all();
+}
+
+void Capture::find_distance(const Picture& picture, const KnownCamera& known, const RowPoses& poses,
+                            ImageView<const std::uint8_t> mask) {
+  if (options_.distance || options_.box || !sweep_.wants_more()) return;
+  sweep_.add(
+      known.pixels(picture), known.camera, known.lens, poses,
+      [&](float x, float y) { return known.vignette(x, y); }, mask);
+  if (const auto better = sweep_.better_than(1 / distance())) move_to(1 / *better);
+}
+
+// What was recorded for another distance was seen from a known place, so it can be recorded anew.
+void Capture::move_to(double distance) {
+  const Surroundings before = std::exchange(
+      surroundings_, Surroundings(outlines_, options_.centre, distance, options_.box));
+  surroundings_.place(outlines_, std::vector<LightPosition>(before.lights()));
+  const auto tile_of = [&](const glm::dvec3& direction) {
+    const TexelPlace at = texel_at(glm::vec3(direction), grid_.size);
+    return std::size_t(tile_place(grid_, at.face, at.x, at.y).tile);
+  };
+  // Where a point was recorded depends on where its tile was seen from, and that on the tile.
+  const auto recorded_in = [&](int tile, const glm::dvec3& direction) {
+    const glm::dvec3 point = options_.centre + std::min(distance, kFarAway) * direction;
+    glm::dvec3 there = direction;
+    for (int round = 0; round < kRounds; ++round) {
+      const std::size_t from = round == 0 ? std::size_t(tile) : tile_of(there);
+      if (!std::isfinite(eyes_[from].x)) return direction;
+      there = before.recorded(eyes_[from], glm::normalize(point - eyes_[from]));
+    }
+    return there;
+  };
+  const TexelState old = state_;
+  resample(old, [&](int tile, const glm::vec3& d) -> std::optional<glm::vec3> {
+    if (!before.is_usual(before.depth(tile))) return d;
+    const glm::vec3 there(recorded_in(tile, glm::dvec3(d)));
+    // What a light's tiles show was recorded where it is.
+    return before.is_usual(before.depth(int(tile_of(there)))) ? std::optional(there) : std::nullopt;
+  });
+  std::vector<glm::dvec3> eyes = eyes_;
+  std::vector<int> scales = scales_;
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    if (!unseen_.above(tile)) continue;
+    const std::size_t from = tile_of(recorded_in(tile, outlines_.middle(tile)));
+    eyes[std::size_t(tile)] = eyes_[from], scales[std::size_t(tile)] = scales_[from];
+  }
+  eyes_ = std::move(eyes), scales_ = std::move(scales);
+  quiet_ = QuietTiles(grid_);
+  at_rim_.assign(at_rim_.size(), 0);
+  renew_all();
+}
+
+// Renews everything that is derived from the state.
+void Capture::renew_all() {
+  std::vector<int> all, refilled;
+  const std::uint64_t version = new_tile_version();
+  for (int tile = 0; tile < grid_.count(); ++tile) {
+    const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+    relate_variances(state_, start, tile_rect(grid_, tile).texels());
+    sums_[std::size_t(tile)] = sum_of(tile);
+    if (state_.last_seen.same(tile) && state_.last_seen.at(tile, 0) == kNever)
+      sums_[std::size_t(tile)] = TileSums{};
+    all.push_back(tile);
+    versions_[std::size_t(tile)] = version;
+  }
+  new_sums_.clear();
+  unseen_.update(all, sums_, tile_projected_, time_, refilled);
+  for (const int tile : all)
+    if (!refill(tile)) make_levels(tile);
+}
+
+}  // namespace fastibl
