@@ -26,7 +26,6 @@ from .video import VideoWriter
 
 HEIGHT = 0.2  # height of the object, metres
 POSITION = (0.0, 0.0, HEIGHT / 2)  # where the object's light is measured
-DISTANCE = 3.0  # rough distance of the room's walls, metres, as a user would give it
 METHODS = {"default": "auto", "paper": "paper"}  # methods of the two runs
 PANEL = (480, 360)  # size of each panel of the four-panel video, pixels
 _SHOWN_EVERY = 15  # frames after which picture.jpg is written again, so that there is something to see before the end
@@ -55,6 +54,7 @@ class Run:
     predicted_error: list[float] = field(default_factory=list)
     coverage: list[float] = field(default_factory=list)
     timings: list[dict[str, float]] = field(default_factory=list)
+    distance: float = float("inf")  # metres to the walls, as found
     # The error of the final picture and of the shadow, by the name of the still.
     image_error: dict[str, float] = field(default_factory=dict)
     shadow_error: dict[str, float] = field(default_factory=dict)
@@ -122,7 +122,7 @@ def _run(
     scale: float,
 ) -> tuple[Run, Session, dict[str, FrameResult]]:
     run, results_at = Run(name), {}
-    session = Session(scene, recording.rig, recording.board, methods=METHODS[name], distance=DISTANCE)
+    session = Session(scene, recording.rig, recording.board, methods=METHODS[name])
     truth = truth_of(recording)
     last, true_pictures = None, {}
     for index, frame in enumerate(
@@ -161,6 +161,7 @@ def _run(
             if index % _SHOWN_EVERY == 0 or index == len(recording) - 1:
                 cv2.imwrite(str(path), panel[..., ::-1])
     run.plan = str(last.plan) if last is not None else ""
+    run.distance = session.capture.distance
     return run, session, results_at
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ._fastibl import __version__
-from .demo import DISTANCE, HEIGHT, DemoResult, Run
+from .demo import HEIGHT, DemoResult, Run
 from .pages import STYLE, figure, plot, table
 from .recording import truth_of
 from .whole_file import write_whole
@@ -168,8 +168,8 @@ The room is simulated, so the truth is known: pose, light, and the picture that 
 picture of one exposure every five seconds; where that clips, the light is lost.</p>
 <h2>Over time</h2>{_time_plots(result)}
 <p>Solid: true error of the irradiance, median over normals. Dotted: the error that fastibl predicted from what it had seen.
-The map is put {DISTANCE:g} m away, a rough guess of the room's size; what is nearer or farther is displaced, which the
-prediction does not know yet.</p>
+Nobody said how far the walls are: fastibl found them {default.distance:.1f} m away, from how pictures taken from several
+places differ. What is nearer or farther is displaced.</p>
 <h2>Time of each pass</h2>
 {table(["pass, median ms where it ran", "default", "the paper's", "the paper's ran in frames"], times)}
 <p>{html.escape(result.machine)}; fastibl {html.escape(__version__)}.</p>

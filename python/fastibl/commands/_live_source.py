@@ -13,7 +13,6 @@ from ._arguments import board_of
 _STOPS = (-14, 2)  # range of the front camera's exposures around the one that it found itself
 _SIMULATED = 4.0  # seconds that the virtual camera moves before it turns back
 _SIMULATED_FPS = 30.0
-_ROOM = 3.0  # metres, rough distance of the simulated room's walls
 _CATCH_UP = 0.1  # seconds
 
 
@@ -26,7 +25,6 @@ class Opened:
     about: str | Callable[[], str]
     notices: list[str] = field(default_factory=list)
     adaptive: Any = None
-    distance: float | None = None  # distance of the walls, where it is known
 
 
 class _FirstKnown:
@@ -84,7 +82,7 @@ def _simulated(arguments: argparse.Namespace) -> Opened:
     def about() -> str:
         return place if hand.complete else f"{place}, {hand.kept} of {len(made)} pictures worked out"
 
-    return Opened(source, about, [notice], distance=_ROOM if arguments.environment is None else None)
+    return Opened(source, about, [notice])
 
 
 def _recorded(arguments: argparse.Namespace) -> Opened:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import signal
 import stat
@@ -141,7 +140,7 @@ def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
             opened.source,
             choices,
             settings,
-            _session_options(arguments, opened, given, kept),
+            _session_options(arguments, given, kept),
             folder=arguments.folder.resolve(),
             about=opened.about,
             after_frame=watch.take,
@@ -199,12 +198,9 @@ def _kept(path: Path, given: Any, log: _Log) -> KeptMap:
     return KeptMap(path, log)
 
 
-def _session_options(arguments: argparse.Namespace, opened: Opened, given: Any, kept: KeptMap | None) -> dict[str, Any]:
-    distance = arguments.distance
-    if opened.distance is not None and math.isinf(distance):
-        distance = opened.distance
+def _session_options(arguments: argparse.Namespace, given: Any, kept: KeptMap | None) -> dict[str, Any]:
     return {
-        "distance": distance,
+        "distance": arguments.distance,
         "most_boost": arguments.most_boost,
         "environment": given,
         "prior": None if kept is None else kept.prior,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .. import Frame, Scene, Session
 from .._fastibl import CubeMap, Environment
 from ..comparison import irradiance_over_sphere, relative_errors
-from ..demo import DISTANCE, picture_of_map
+from ..demo import picture_of_map
 from ..expected import present
 from ..lighting import PAPER
 from ..measuring import Timing, one_core, timing
@@ -42,7 +42,7 @@ class _Captured:
     predicted: list[float]
 
 
-def _capture(recording: Recording, scene: Scene, method: str, size: int, distance: float) -> _Captured:
+def _capture(recording: Recording, scene: Scene, method: str, size: int, distance: float | None) -> _Captured:
     session = Session(
         scene, recording.rig, recording.board, methods={"capture": method}, size=size, cast_shadow=False, distance=distance,
         follow_surroundings=False,
@@ -82,15 +82,15 @@ def measure(inputs: Inputs) -> Section:
     true_map = truth.environment(recording.times[-1])
     true = irradiance_over_sphere(true_map)
     infinite = float("inf")
-    candidates = [("continuous", n, infinite) for n in _SIZES]
-    candidates += [("continuous", _SIZES[-1], DISTANCE), (PAPER.capture, _SIZES[-1], infinite)]
+    candidates: list[tuple[str, int, float | None]] = [("continuous", n, None) for n in _SIZES]
+    candidates += [("continuous", _SIZES[-1], infinite), (PAPER.capture, _SIZES[-1], None)]
     results, place = [], inputs.recording_name
     kept: dict[tuple[str, int], _Captured] = {}
     for method, size, distance in candidates:
         found = _capture(recording, inputs.scene, method, size, distance)
         kept.setdefault((method, size), found)
         given = irradiance_over_sphere(found.environment)
-        walls = "" if distance == infinite else f" walls={distance:g}m"
+        walls = "" if distance is None else " walls=far"
         mark = BY_PAPER if method == PAPER.capture else CHOSEN if size == 128 and not walls else ""
         extra = {
             "sphere seen": percent(found.environment.coverage),
@@ -100,7 +100,7 @@ def measure(inputs: Inputs) -> Section:
         bias = float(given.mean() / true.mean() - 1)
         results.append(Result(method, f"size={size}{walls}", {place: error}, {place: bias}, found.time, mark, extra))
     note = "Predicted: what fastibl says of its own error, without knowing the truth. Size: texels along a cube face. "
-    note += "Walls: a guess of how far the room reaches; without one all light is taken to come from far away."
+    note += "Walls: how far they are is found from the pictures, except where all light is taken to come from far away."
     step_section(
         section,
         "capture",
