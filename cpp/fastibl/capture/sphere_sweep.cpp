@@ -23,8 +23,8 @@ constexpr int kLeastPixels = 100;     // that two views share
 constexpr float kOtherThing = 0.2f;   // difference of ln: not the same thing, or it has changed
 constexpr double kPixelsAtOnce = 20;  // neighbouring pixels err alike: one in so many counts
 constexpr double kLogOdds = 8, kLogOddsAgain = 2;  // for leaving infinity, and for other changes
-constexpr double kFarAway = 1e9;  // metres
-constexpr double kInside = 1.2;   // from the centre, as a share of the camera's distance
+constexpr double kFarAway = 1e9;                   // metres
+constexpr double kInside = 1.2;  // from the centre, as a share of the camera's distance
 // What is worth a change: a share of the inverse distance; and, from infinity, 1 / metres.
 constexpr double kShare = 0.15, kLeast = 0.1;
 

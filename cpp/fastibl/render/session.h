@@ -37,7 +37,7 @@ struct SessionOptions {
   double error = 0.02, milliseconds = 0;
   int map_size = 128;
   bool cast_shadow = true;
-  std::optional<double> distance;  // CaptureOptions::distance
+  std::optional<double> distance = {};                        // CaptureOptions::distance
   std::optional<RoomBox> box = {};                            // CaptureOptions::box
   bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
   // By channel: the front camera's measure of light divided by the back camera's.
