@@ -6,6 +6,7 @@
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <initializer_list>
@@ -19,6 +20,7 @@
 #include "fastibl/render/gl/context.h"
 #include "fastibl/render/gl/gl_renderer.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/render/session.h"
 
 using namespace fastibl;
 
@@ -185,6 +187,34 @@ int apart(const Image<std::uint8_t>& a, const Image<std::uint8_t>& b) {
 
 }  // namespace
 
+namespace {
+
+// A framebuffer of the caller's that a picture is presented to.
+struct Window {
+  GLuint framebuffer = 0;
+  Window() {
+    GLuint texture = 0;
+    glGenTextures(1, &texture), glBindTexture(GL_TEXTURE_2D, texture);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, kWidth, kHeight, 0, GL_RGBA, GL_UNSIGNED_BYTE,
+                 nullptr);
+    glGenFramebuffers(1, &framebuffer);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
+  }
+  // What it shows, with the image's channels, row 0 on top.
+  Image<std::uint8_t> shown(int channels = 3) const {
+    Image<std::uint8_t> read(kWidth, kHeight, 4), out(kWidth, kHeight, channels);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glReadPixels(0, 0, kWidth, kHeight, GL_RGBA, GL_UNSIGNED_BYTE, read.data.data());
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        std::copy_n(read.pixel(x, kHeight - 1 - y), channels, out.pixel(x, y));
+    return out;
+  }
+};
+
+}  // namespace
+
 TEST_CASE("a context of its own: the CPU's picture, and nothing current afterwards") {
   if (!have_egl()) return;
   const Inputs in = inputs();
@@ -237,29 +267,54 @@ TEST_CASE("present draws the whole picture, row 0 on top") {
   const GlContext context;
   const GlContext::Current current(context);
   const auto gl = make_gl_renderer(CurrentContext{});
-  GLuint window = 0, texture = 0;
-  glGenTextures(1, &texture);
-  glBindTexture(GL_TEXTURE_2D, texture);
-  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, kWidth, kHeight, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
-  glGenFramebuffers(1, &window);
-  glBindFramebuffer(GL_FRAMEBUFFER, window);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture, 0);
-  gl->present(window, kWidth, kHeight);  // there is nothing yet
+  const Window window;
+  gl->present(window.framebuffer, kWidth, kHeight);  // there is nothing yet
   for (int frame = 0; frame < 2; ++frame) {
     draw(*gl, in);
     glEnable(GL_SCISSOR_TEST);
     glScissor(0, 0, 1, 1);
-    gl->present(window, kWidth, kHeight);
+    gl->present(window.framebuffer, kWidth, kHeight);
     glDisable(GL_SCISSOR_TEST);
-    Image<std::uint8_t> shown(kWidth, kHeight, 4);
-    glReadPixels(0, 0, kWidth, kHeight, GL_RGBA, GL_UNSIGNED_BYTE, shown.data.data());
-    const Image<std::uint8_t> image = gl->image();
-    int wrong = 0;
-    for (int y = 0; y < kHeight; ++y)
-      for (int x = 0; x < kWidth; ++x)
-        for (int c = 0; c < 3; ++c)
-          wrong += shown.pixel(x, kHeight - 1 - y)[c] != image.pixel(x, y)[c];
-    CHECK(wrong == 0);
+    CHECK(window.shown() == gl->image());
+  }
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+namespace {
+
+// A session that draws the inputs' object by `gl`, for a frame with their picture and pose.
+Session session_of(const Inputs& in, std::unique_ptr<Renderer> gl) {
+  Rig rig;
+  rig.back = in.camera;
+  const Environment light = environment_from(*in.lighting.radiance);
+  return {in.scene, rig,          std::nullopt, std::make_shared<const Environment>(light),
+          nullptr,  std::move(gl)};
+}
+Frame frame_of(const Inputs& in) {
+  Frame frame;
+  frame.back = in.back, frame.back_from_marker = in.camera_from_marker;
+  return frame;
+}
+
+}  // namespace
+
+TEST_CASE("present shows a session's frames, also those without a pose") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const Window window;
+  auto made = make_gl_renderer(CurrentContext{});
+  GlRenderer& gl = *made;
+  Session session = session_of(in, std::move(made));
+  Frame frame = frame_of(in), lost = frame, bare = frame;
+  lost.back_from_marker.reset(), bare.back = {};
+  FrameResult result;
+  for (const Frame& one : {frame, lost, bare, frame}) {
+    session.process(one, result);
+    gl.present(window.framebuffer, kWidth, kHeight);
+    CHECK(window.shown(result.image.channels) == result.image);
+    CHECK(gl.image() == result.image);
   }
   CHECK(glGetError() == GL_NO_ERROR);
 }

@@ -57,6 +57,9 @@ class Renderer {
   // Forgets a pass's product, and what its next run would build on. The ratio is then 1, or nothing
   // covers the picture.
   virtual void clear(PassId pass) = 0;
+  // The picture alone is the image until the next run of composite; an empty one: a transparent
+  // image of the camera's size.
+  virtual void show(const Picture& back, const Camera& camera) = 0;
 
   // Number of pixel parts that the last run of shade worked out, where they are counted.
   virtual std::optional<double> shaded() const { return std::nullopt; }

@@ -497,12 +497,8 @@ void Session::process(const Frame& given, FrameResult& result) {
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
   judge_.add_frame(fixed_environment_ || !environment_ ? nullptr : &environment_->radiance);
   update_plan();  // its errors, now that this frame's light is known
-  if (result.back_from_marker)
-    renderer_->image(result.image);
-  else if (!frame.back.empty())
-    bytes_from(frame.back, rig_.back.response, result.image);
-  else
-    result.image = Image<std::uint8_t>(rig_.back.width, rig_.back.height, 4);
+  if (!result.back_from_marker) renderer_->show(frame.back, rig_.back);
+  renderer_->image(result.image);
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
   if (environment_) {

@@ -66,6 +66,13 @@ class CpuRenderer final : public Renderer {
     if (pass == PassId::shade) object_ = {}, holdout_ = {}, shaded_.reset();
   }
 
+  void show(const Picture& back, const Camera& camera) override {
+    if (back.empty())
+      image_ = Image<std::uint8_t>(camera.width, camera.height, 4);
+    else
+      bytes_from(back, camera.response, image_);
+  }
+
   std::optional<double> shaded() const override { return shaded_; }
   const ShadowMap& shadow_map() override { return shadow_; }
   ObjectLayer object() override { return object_; }

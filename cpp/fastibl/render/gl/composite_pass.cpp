@@ -56,6 +56,14 @@ void CompositePass::upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>
   gain_map_ = gain;
 }
 
+void CompositePass::show(const Picture& back, const Camera& camera) {
+  area_ = {};
+  if (back.empty())
+    bytes_ = Image<std::uint8_t>(camera.width, camera.height, 4);
+  else
+    bytes_from(back, camera.response, bytes_);
+}
+
 void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade,
                         const RenderInput& in) {
   const Camera& camera = in.camera;
@@ -63,10 +71,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   const ShadowMap& place = gain_map_ ? *gain_map_ : shadow.place();
   const Area& object_area = shade.area();
   const bool matte = in.back.empty();
-  if (matte)
-    bytes_ = Image<std::uint8_t>(camera.width, camera.height, 4);
-  else
-    bytes_from(in.back, camera.response, bytes_);
+  show(in.back, camera);
   const Pose marker_from_camera = in.camera_from_marker.inverse();
   const glm::vec3 eye(marker_from_camera.translation);
   Area shadowed;

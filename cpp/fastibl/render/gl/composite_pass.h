@@ -19,7 +19,8 @@ class CompositePass {
  public:
   void run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade, const RenderInput& in);
 
-  void image(Gpu& gpu, Image<std::uint8_t>& out);  // reads back; outside a scope
+  void show(const Picture& back, const Camera& camera);  // without a scope
+  void image(Gpu& gpu, Image<std::uint8_t>& out);        // reads back; outside a scope
   void present(Gpu& gpu, GLuint framebuffer, int width, int height);
 
  private:

@@ -51,6 +51,8 @@ class Gl final : public GlRenderer {
     if (pass == PassId::shade) shade_.clear();
   }
 
+  void show(const Picture& back, const Camera& camera) override { composite_.show(back, camera); }
+
   const ShadowMap& shadow_map() override { return shadow_.shadow_map(gpu_); }
   ObjectLayer object() override { return shade_.layer(gpu_); }
   ObjectLayer holdout() override { return shade_.holdout_layer(gpu_); }
