@@ -283,12 +283,12 @@ TEST_CASE("present draws the whole picture, row 0 on top") {
 namespace {
 
 // A session that draws the inputs' object by `gl`, for a frame with their picture and pose.
-Session session_of(const Inputs& in, std::unique_ptr<Renderer> gl) {
+Session session_of(const Inputs& in, std::unique_ptr<Renderer> gl, SessionOptions options = {}) {
   Rig rig;
   rig.back = in.camera;
   const Environment light = environment_from(*in.lighting.radiance);
-  return {in.scene, rig,          std::nullopt, std::make_shared<const Environment>(light),
-          nullptr,  std::move(gl)};
+  return {in.scene, rig,           std::nullopt, std::make_shared<const Environment>(light),
+          nullptr,  std::move(gl), options};
 }
 Frame frame_of(const Inputs& in) {
   Frame frame;
@@ -298,23 +298,31 @@ Frame frame_of(const Inputs& in) {
 
 }  // namespace
 
-TEST_CASE("present shows a session's frames, also those without a pose") {
+TEST_CASE("present shows a session's frames, also without a pose and without read-back") {
   if (!have_egl()) return;
   const Inputs in = inputs();
   const GlContext context;
   const GlContext::Current current(context);
   const Window window;
-  auto made = make_gl_renderer(CurrentContext{});
-  GlRenderer& gl = *made;
-  Session session = session_of(in, std::move(made));
-  Frame frame = frame_of(in), lost = frame, bare = frame;
-  lost.back_from_marker.reset(), bare.back = {};
-  FrameResult result;
-  for (const Frame& one : {frame, lost, bare, frame}) {
-    session.process(one, result);
-    gl.present(window.framebuffer, kWidth, kHeight);
-    CHECK(window.shown(result.image.channels) == result.image);
-    CHECK(gl.image() == result.image);
+  for (const bool read_back : {true, false}) {
+    CAPTURE(read_back);
+    auto made = make_gl_renderer(CurrentContext{});
+    GlRenderer& gl = *made;
+    SessionOptions options;
+    options.read_back = read_back;
+    Session session = session_of(in, std::move(made), options);
+    Session reads = session_of(in, make_gl_renderer(CurrentContext{}));
+    Frame frame = frame_of(in), lost = frame, bare = frame;
+    lost.back_from_marker.reset(), bare.back = {};
+    FrameResult result;
+    for (const Frame& one : {frame, lost, bare, frame}) {
+      session.process(one, result);
+      gl.present(window.framebuffer, kWidth, kHeight);
+      const Image<std::uint8_t> image = reads.process(one).image;
+      CHECK(window.shown(image.channels) == image);
+      CHECK(result.image.width == (read_back ? kWidth : 0));
+      CHECK(gl.image() == image);
+    }
   }
   CHECK(glGetError() == GL_NO_ERROR);
 }

@@ -134,6 +134,25 @@ TEST_CASE("a result that is used again is a new one, in the same memory") {
   }
 }
 
+TEST_CASE("a session that reads nothing back leaves the picture with its renderer") {
+  const Camera160 camera;
+  SessionOptions options;
+  options.read_back = false;
+  Session session = camera.session(0.05f, options), reads = camera.session(0.05f);
+  Frame lost = camera.frame;
+  lost.back_from_marker.reset();
+  FrameResult result;
+  for (const Frame& frame : {camera.frame, lost, camera.frame}) {
+    reads.process(frame, result);
+    const Image<std::uint8_t> image = result.image;
+    session.process(frame, result);
+    CHECK(result.image.data.empty());
+    CHECK(result.image.width == 0);
+    CHECK(session.renderer().image() == image);
+    CHECK((image.data == camera.pixels) == !frame.back_from_marker);
+  }
+}
+
 TEST_CASE("the maps of a session are read where they are") {
   const Camera160 camera;
   Session session = camera.session(0.1f);

@@ -44,7 +44,9 @@ constexpr double kAttitude = 1e-3;  // by how much Frame::attitude may differ fr
 void check_frame(const Frame& frame, const Rig& rig);
 
 struct FrameResult {
-  Image<std::uint8_t> image;  // RGB; RGBA with straight alpha where the frame has no back picture
+  // RGB; RGBA with straight alpha where the frame has no back picture. Without
+  // SessionOptions::read_back there is none: its width is 0.
+  Image<std::uint8_t> image;
   // Nothing where the board is not seen; `image` is then the back picture.
   std::optional<Pose> back_from_marker;
   std::optional<Pose> back_last_row;  // for a rolling shutter, where its motion is known

@@ -498,7 +498,10 @@ void Session::process(const Frame& given, FrameResult& result) {
   judge_.add_frame(fixed_environment_ || !environment_ ? nullptr : &environment_->radiance);
   update_plan();  // its errors, now that this frame's light is known
   if (!result.back_from_marker) renderer_->show(frame.back, rig_.back);
-  renderer_->image(result.image);
+  if (options_.read_back)
+    renderer_->image(result.image);
+  else
+    result.image = {};
   result.environment = environment_;
   if (lighting_ && lighting_->radiance) result.lighting = lighting_;
   if (environment_) {

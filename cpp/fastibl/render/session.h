@@ -52,6 +52,9 @@ struct SessionOptions {
   bool adapt = true;
   Costs costs = {};      // of this machine, see measure_costs.h; used for `milliseconds` alone
   bool offline = false;  // see CandidateOptions
+  // Whether FrameResult::image gets the picture. Without, it stays with the renderer, for
+  // Renderer::image or GlRenderer::present, and a GPU need not give it back.
+  bool read_back = true;
 };
 
 class Session {
