@@ -21,6 +21,7 @@ layout(location = 0) out vec4 picture;
 
 #if !MATTE
 uniform sampler2D back;
+uniform ivec2 back_corner;  // its first pixel
 #if DEEP
 uniform sampler2D linear_back;
 #endif
@@ -147,7 +148,7 @@ void main() {
                 ? vec4(encode(exposure_at(pixel) * o.rgb / alpha), floor(255.0 * alpha + 0.5) / 255.0)
                 : vec4(0.0);
 #else
-  vec3 seen = texelFetch(back, local, 0).rgb;
+  vec3 seen = texelFetch(back, pixel - back_corner, 0).rgb;
   picture = vec4(seen, 1.0);
   if (o.a > 0.0 || ratio != vec3(1.0)) {
 #if DEEP

@@ -109,8 +109,14 @@ def _files(names, folder, monkeypatch):
 CPP_PRELUDES = {
     "docs/embedding.md": """
 #include <epoxy/gl.h>
+#include <fastibl/render/gl/gl_renderer.h>
+#include <fastibl/render/session.h>
 #include <fastibl/scene/cube_map.h>
-void block(const fastibl::CubeLevel& level, int mip) {
+#include <fastibl/tracking/opencv/opencv_detector.h>
+using namespace fastibl;
+void block(const CubeLevel& level, int mip, const Scene& scene, const Rig& rig, const Board& board, const Frame& frame,
+           FrameResult& result, const Camera& texture_camera, const glm::mat3& uv_from_picture, const float* m,
+           glm::vec2 a, glm::vec2 b, glm::vec2 c, unsigned texture, unsigned framebuffer, int width, int height) {
 """,
 }
 

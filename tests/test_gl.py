@@ -645,6 +645,7 @@ VARIANTS = {
         "HOLDOUT": (0, 1),
         "DEEP": (0, 1),
     },
+    "copy": {"EXTERNAL": (0, 1), "LINEAR": (0, 1)},
     "present": {"ENCODES": (0, 1)},
 }
 
@@ -755,9 +756,11 @@ def compile_all():
     assert egl.eglChooseConfig(display, attributes, ctypes.byref(config), 1, ctypes.byref(count))
     context = egl.eglCreateContext(display, config, None, (ctypes.c_int * 3)(0x3098, 3, 0x3038))
     assert egl.eglMakeCurrent(display, None, None, ctypes.c_void_p(context))
+    gl.glGetString.restype = ctypes.c_char_p
+    external = b"GL_OES_EGL_image_external_essl3" in gl.glGetString(0x1F03).split()
     done = set()
     for name, stage, text in sources():
-        if (stage, text) in done:
+        if (stage, text) in done or ("'EXTERNAL': 1" in name and not external):
             continue
         done.add((stage, text))
         shader = gl.glCreateShader(0x8B31 if stage == "vert" else 0x8B30)

@@ -8,8 +8,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <initializer_list>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -92,6 +95,9 @@ std::vector<GLint> state() {
           GL_TEXTURE_BINDING_3D, GL_SAMPLER_BINDING})
       add(name);
   }
+  if (epoxy_has_gl_extension("GL_OES_EGL_image_external"))
+    for (int unit = 0; unit < 16; ++unit)
+      glActiveTexture(GLenum(GL_TEXTURE0 + unit)), add(GL_TEXTURE_BINDING_EXTERNAL_OES);
   glActiveTexture(GLenum(active));
   for (const GLenum name : {GL_VIEWPORT, GL_SCISSOR_BOX, GL_COLOR_WRITEMASK}) add(name, 4);
   for (const GLenum name : {GL_ACTIVE_TEXTURE,
@@ -685,4 +691,335 @@ TEST_CASE("present gives every kind of framebuffer the same codes") {
   const auto own = make_gl_renderer();
   draw(*own, in);
   CHECK_THROWS_AS(own->present(0, kWidth, kHeight), std::invalid_argument);
+}
+
+namespace {
+
+constexpr unsigned kFlat = GL_TEXTURE_2D, kExternal = GL_TEXTURE_EXTERNAL_OES;
+
+// A matrix by its rows, as it is written.
+glm::mat3 rows(glm::vec3 s, glm::vec3 t) { return glm::transpose(glm::mat3(s, t, {0, 0, 1})); }
+
+// How a texture may hold a picture.
+struct Layout {
+  const char* name;
+  int width, height;
+  glm::mat3 uv_from_picture;
+};
+const Layout kLayouts[] = {
+    {"row 0 first", kWidth, kHeight, glm::mat3(1)},
+    {"upside down", kWidth, kHeight, rows({1, 0, 0}, {0, -1, 1})},
+    {"mirrored", kWidth, kHeight, rows({-1, 0, 1}, {0, 1, 0})},
+    {"turned to the right", kHeight, kWidth, rows({0, -1, 1}, {1, 0, 0})},
+    {"turned to the left", kHeight, kWidth, rows({0, 1, 0}, {-1, 0, 1})},
+    {"a part", 2 * kWidth, 4 * kHeight, rows({0.5f, 0, 0.25f}, {0, 0.25f, 0.5f})},
+};
+
+Image<std::uint8_t> rgb_of(const Image<std::uint8_t>& rgba) {
+  Image<std::uint8_t> out(rgba.width, rgba.height, 3);
+  for (std::size_t i = 0; i < rgba.data.size() / 4; ++i)
+    std::copy_n(&rgba.data[4 * i], 3, &out.data[3 * i]);
+  return out;
+}
+
+// The inputs' picture in a texture of the caller's, with the state that a new texture has: mipmaps
+// that are not there. The rest of it is green.
+GLuint texture_of(const Inputs& in, const Layout& layout, GLenum format = GL_RGBA8) {
+  Image<std::uint8_t> texels(layout.width, layout.height, 4);
+  for (std::size_t i = 1; i < texels.data.size(); i += 4) texels.data[i] = 255;
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const glm::vec3 uv((float(x) + 0.5f) / float(kWidth), (float(y) + 0.5f) / float(kHeight), 1);
+      const glm::vec3 st = layout.uv_from_picture * uv;
+      std::copy_n(&in.pixels[std::size_t(3 * (y * kWidth + x))], 3,
+                  texels.pixel(int(st.x * float(layout.width)), int(st.y * float(layout.height))));
+    }
+  GLint bound = 0, unpack = 0;
+  glGetIntegerv(GL_TEXTURE_BINDING_2D, &bound);
+  glGetIntegerv(GL_PIXEL_UNPACK_BUFFER_BINDING, &unpack);
+  REQUIRE(unpack == 0);
+  GLuint texture = 0;
+  glGenTextures(1, &texture), glBindTexture(GL_TEXTURE_2D, texture);
+  const GLenum channels = format == GL_SRGB8 ? GL_RGB : GL_RGBA;
+  if (channels == GL_RGB) texels = rgb_of(texels);
+  glTexImage2D(GL_TEXTURE_2D, 0, GLint(format), layout.width, layout.height, 0, channels,
+               GL_UNSIGNED_BYTE, texels.data.data());
+  glBindTexture(GL_TEXTURE_2D, GLuint(bound));
+  return texture;
+}
+
+std::vector<GLint> parameters_of(GLuint texture) {
+  std::vector<GLint> all;
+  GLint bound = 0;
+  glGetIntegerv(GL_TEXTURE_BINDING_2D, &bound);
+  glBindTexture(GL_TEXTURE_2D, texture);
+  for (const GLenum name :
+       {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER, GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T,
+        GL_TEXTURE_COMPARE_MODE, GL_TEXTURE_BASE_LEVEL, GL_TEXTURE_MAX_LEVEL})
+    glGetTexParameteriv(GL_TEXTURE_2D, name, &all.emplace_back());
+  glBindTexture(GL_TEXTURE_2D, GLuint(bound));
+  return all;
+}
+
+// The same texture, as a camera or a video decoder gives it; 0: the driver has none of them.
+GLuint external_of(GLuint texture) {
+  const char* of_display = eglQueryString(eglGetCurrentDisplay(), EGL_EXTENSIONS);
+  if (!std::strstr(of_display, "EGL_KHR_gl_texture_2D_image") ||
+      !epoxy_has_gl_extension("GL_OES_EGL_image_external_essl3"))
+    return std::puts("skipped: no external textures"), 0;
+  const EGLImageKHR image = eglCreateImageKHR(
+      eglGetCurrentDisplay(), eglGetCurrentContext(), EGL_GL_TEXTURE_2D_KHR,
+      reinterpret_cast<EGLClientBuffer>(std::uintptr_t{texture}), nullptr);  // NOLINT
+  if (image == EGL_NO_IMAGE_KHR) return std::puts("skipped: no image of a texture"), 0;
+  GLuint external = 0;
+  GLint bound = 0;
+  glGetIntegerv(GL_TEXTURE_BINDING_EXTERNAL_OES, &bound);
+  glGenTextures(1, &external), glBindTexture(GL_TEXTURE_EXTERNAL_OES, external);
+  glEGLImageTargetTexture2DOES(GL_TEXTURE_EXTERNAL_OES, image);
+  eglDestroyImageKHR(eglGetCurrentDisplay(), image);
+  glBindTexture(GL_TEXTURE_EXTERNAL_OES, GLuint(bound));
+  return external;
+}
+
+Inputs without_picture(Inputs in) {
+  in.back = {};
+  return in;
+}
+
+}  // namespace
+
+TEST_CASE("a caller's texture gives the picture that was uploaded gives, however it lies in it") {
+  if (!have_egl()) return;
+  const Inputs in = inputs(), bare = without_picture(in);
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto uploads = make_gl_renderer(CurrentContext{}), gl = make_gl_renderer(CurrentContext{});
+  draw(*uploads, in);
+  const Image<std::uint8_t> image = uploads->image();
+  uploads->clear(PassId::shadow);
+  uploads->run(PassId::composite, in.input());
+  const Image<std::uint8_t> unshadowed = uploads->image();
+  Image<std::uint8_t> picture(kWidth, kHeight, 3);
+  picture.data = in.pixels;
+  const Window window;
+  struct Kind {
+    GLenum format;
+    bool external;
+  };
+  for (const Kind& kind :
+       {Kind{GL_RGBA8, false}, Kind{GL_SRGB8_ALPHA8, false}, Kind{GL_RGBA8, true}})
+    for (const Layout& layout : kLayouts) {
+      CAPTURE(kind.format);
+      CAPTURE(kind.external);
+      CAPTURE(std::string(layout.name));
+      GLuint textures[] = {texture_of(in, layout, kind.format), 0};
+      if (kind.external && !(textures[1] = external_of(textures[0]))) continue;
+      const std::vector<GLint> parameters = parameters_of(textures[0]);
+      const CameraTexture texture{textures[kind.external ? 1 : 0],
+                                  kind.external ? kExternal : kFlat, layout.uv_from_picture};
+      gl->set_back_texture(texture, in.camera);
+      // It is read by now: what becomes of the texture does not matter. Nothing is drawn yet.
+      CHECK(parameters_of(textures[0]) == parameters);
+      glDeleteTextures(2, textures);
+      CHECK(apart(gl->image(), picture) <= 1);
+      gl->present(window.framebuffer, kWidth, kHeight);
+      CHECK(window.shown() == gl->image());
+      for (int frame = 0; frame < 2; ++frame) {  // the second is not drawn over the first
+        draw(*gl, frame ? in : bare);
+        CHECK(apart(gl->image(), image) <= 1);
+        CHECK(gl->object() == uploads->object());
+        gl->present(window.framebuffer, kWidth, kHeight);
+        CHECK(window.shown() == gl->image());
+      }
+      gl->clear(PassId::shadow);  // a smaller part of the picture is drawn
+      gl->run(PassId::composite, bare.input());
+      CHECK(apart(gl->image(), unshadowed) <= 1);
+    }
+  // In a picture of half the size, each pixel is the mean of four texels.
+  Camera half = in.camera;
+  half.width /= 2, half.height /= 2;
+  gl->set_back_texture({texture_of(in, kLayouts[0])}, half);
+  const Image<std::uint8_t> small = gl->image();
+  REQUIRE(small.width == kWidth / 2);
+  double worst = 0;
+  for (int y = 0; y < half.height; ++y)
+    for (int x = 0; x < 3 * half.width; ++x) {
+      const std::uint8_t *top = picture.row(2 * y), *below = picture.row(2 * y + 1);
+      const int left = 6 * (x / 3) + x % 3, right = left + 3;
+      const double mean = (top[left] + top[right] + below[left] + below[right]) / 4.0;
+      worst = std::max(worst, std::abs(small.row(y)[x] - mean));
+    }
+  CHECK(worst <= 1);
+  gl->clear_back_texture();
+  CHECK(gl->image().data.empty());
+  draw(*gl, in);
+  CHECK(gl->image() == image);
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+TEST_CASE("a caller's texture is read under any state, which is put back") {
+  if (!have_egl()) return;
+  const Inputs in = inputs(), bare = without_picture(in);
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto plain = make_gl_renderer(CurrentContext{});
+  draw(*plain, in);
+  const GLuint flat = texture_of(in, kLayouts[0]), external = external_of(flat);
+  const Untidy untidy;
+  if (external)  // each unit has one bound, too
+    for (int unit = 0; unit < 16; ++unit) {
+      glActiveTexture(GLenum(GL_TEXTURE0 + unit));
+      glBindTexture(GL_TEXTURE_EXTERNAL_OES, external);
+    }
+  REQUIRE(glGetError() == GL_NO_ERROR);
+  const std::vector<GLint> before = state();
+  for (const CameraTexture& texture : {CameraTexture{flat}, {external, kExternal}}) {
+    if (!texture.name) continue;
+    const auto gl = make_gl_renderer(CurrentContext{});
+    gl->set_back_texture(texture, in.camera);
+    CHECK(state() == before);
+    for (const PassId pass : kRenderPasses) {
+      gl->run(pass, bare.input());
+      CHECK(state() == before);
+    }
+    CHECK(apart(gl->image(), plain->image()) <= 1);
+    CHECK(state() == before);
+    gl->present(untidy.framebuffer, kWidth, kHeight);
+    CHECK(state() == before);
+  }
+  CHECK(state() == before);
+  while (glGetError() != GL_NO_ERROR) {
+  }  // the untidy framebuffer is not complete
+}
+
+TEST_CASE("a caller's texture in desktop GL") {
+  if (!have_egl()) return;
+  const DesktopContext desktop;
+  if (desktop.context == EGL_NO_CONTEXT) {
+    std::puts("skipped: no desktop GL 4.5");
+    return;
+  }
+  const Inputs in = inputs(), bare = without_picture(in);
+  const auto uploads = make_gl_renderer(CurrentContext{}), gl = make_gl_renderer(CurrentContext{});
+  draw(*uploads, in);
+  for (const GLenum format : {GL_RGBA8, GL_SRGB8_ALPHA8, GL_SRGB8}) {
+    const GLuint texture = texture_of(in, kLayouts[1], format);
+    glEnable(GL_FRAMEBUFFER_SRGB), glClipControl(GL_UPPER_LEFT, GL_ZERO_TO_ONE);
+    const std::vector<GLfloat> before = desktop_state();
+    gl->set_back_texture({texture, kFlat, kLayouts[1].uv_from_picture}, in.camera);
+    draw(*gl, bare);
+    CHECK(apart(gl->image(), uploads->image()) <= 1);
+    CHECK(desktop_state() == before);
+    CHECK_THROWS_AS(gl->set_back_texture({texture, kExternal}, in.camera), std::runtime_error);
+  }
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
+TEST_CASE("what is no texture of a camera is refused, and the picture stays") {
+  if (!have_egl()) return;
+  const Inputs in = inputs(), bare = without_picture(in);
+  const auto own = make_gl_renderer();
+  const auto refuses = [&](GlRenderer& gl, const CameraTexture& texture, const char* why,
+                           const Camera& camera) {
+    CAPTURE(std::string(why));
+    std::string said = "nothing";
+    try {
+      gl.set_back_texture(texture, camera);
+    } catch (const std::invalid_argument& error) {
+      said = error.what();
+    }
+    CHECK_MESSAGE(said.find(why) != std::string::npos, said);
+  };
+  refuses(*own, {1}, "caller's context", in.camera);
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto gl = make_gl_renderer(CurrentContext{});
+  const GLuint good = texture_of(in, kLayouts[0]);
+  gl->set_back_texture({good}, in.camera);
+  draw(*gl, bare);
+  const Image<std::uint8_t> image = gl->image();
+
+  GLuint names[4];
+  glGenTextures(4, names);
+  const auto [unborn, empty, cube, integers] = names;
+  glBindTexture(GL_TEXTURE_2D, empty), glBindTexture(GL_TEXTURE_CUBE_MAP, cube);
+  glBindTexture(GL_TEXTURE_2D, integers);
+  glTexStorage2D(GL_TEXTURE_2D, 1, GL_RGBA8UI, kWidth, kHeight);
+  refuses(*gl, {}, "no 2D texture 0", in.camera);
+  refuses(*gl, {unborn}, "no 2D texture", in.camera);
+  refuses(*gl, {cube}, "no 2D texture", in.camera);
+  refuses(*gl, {12345}, "no 2D texture 12345", in.camera);
+  if (epoxy_gl_version() >= 31) refuses(*gl, {empty}, "no picture", in.camera);
+  refuses(*gl, {integers}, "integers", in.camera);
+  refuses(*gl, {good, GL_TEXTURE_3D}, "GL_TEXTURE_2D (3553)", in.camera);
+  if (const GLuint external = external_of(good)) {
+    refuses(*gl, {external}, "no 2D texture", in.camera);
+    refuses(*gl, {good, kExternal}, "no external texture", in.camera);
+  }
+  refuses(*gl, {good, kFlat, glm::transpose(kLayouts[1].uv_from_picture)}, "last row", in.camera);
+  refuses(*gl, {good, kFlat, glm::mat3(std::numeric_limits<float>::quiet_NaN())}, "finite",
+          in.camera);
+  Camera wrong = in.camera;
+  wrong.width = 0;
+  refuses(*gl, {good}, "at least 1 × 1", wrong);
+  GLint largest = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
+  wrong.width = largest + 1;
+  if (largest < 16384) refuses(*gl, {good}, "at most", wrong);
+  CHECK(glGetError() == GL_NO_ERROR);
+  CHECK(gl->image() == image);
+  draw(*gl, bare);
+  CHECK(gl->image() == image);
+
+  Inputs other = bare;  // draws by another camera than the texture's
+  other.camera.fx = 151;
+  CHECK_THROWS_AS(draw(*gl, other), std::invalid_argument);
+  gl->abandon();
+  CHECK_THROWS_AS(gl->set_back_texture({good}, in.camera), std::runtime_error);
+}
+
+TEST_CASE("a session draws over a texture of its own size, and tracks in the frame's picture") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const Window window;
+  Inputs half = in;  // the same camera, at half the size: what is tracked and captured
+  half.camera.width /= 2, half.camera.height /= 2;
+  half.camera.fx /= 2, half.camera.fy /= 2, half.camera.cx /= 2, half.camera.cy /= 2;
+  half.pixels.assign(std::size_t(kWidth / 2 * kHeight / 2 * 3), 90);
+  half.back = {half.pixels.data(), PixelType::uint8, kWidth / 2, kHeight / 2, 0};
+
+  auto made = make_gl_renderer(CurrentContext{});
+  GlRenderer& gl = *made;
+  SessionOptions options;
+  options.read_back = false;
+  Session session = session_of(half, std::move(made), options);
+  Session uploads = session_of(in, make_gl_renderer(CurrentContext{}));
+  Frame small = frame_of(half), lost = small, bare = small;
+  lost.back_from_marker.reset(), bare.back = {};
+  const Image<std::uint8_t> image = uploads.process(frame_of(in)).image;
+  Image<std::uint8_t> picture(kWidth, kHeight, 3);
+  picture.data = in.pixels;
+  const PictureLayers layers = uploads.layers();
+  session.process(small);  // without a texture
+  CHECK(gl.image().width == kWidth / 2);
+  for (int round = 0; round < 2; ++round) {
+    CAPTURE(round);
+    for (const Frame& frame : {small, lost, bare, small}) {
+      gl.set_back_texture(
+          {texture_of(in, kLayouts[2], GL_RGBA8), kFlat, kLayouts[2].uv_from_picture}, in.camera);
+      const FrameResult result = session.process(frame);
+      CHECK(result.image.width == 0);
+      gl.present(window.framebuffer, kWidth, kHeight);
+      CHECK(apart(window.shown(), frame.back_from_marker ? image : picture) <= 1);
+    }
+    const PictureLayers same = session.layers();
+    CHECK(same.object == layers.object);
+    CHECK(same.ratio == layers.ratio);
+    gl.clear_back_texture();
+    session.process(small);
+    CHECK(gl.image().width == kWidth / 2);
+  }
+  CHECK(glGetError() == GL_NO_ERROR);
 }

@@ -44,8 +44,8 @@ constexpr double kAttitude = 1e-3;  // by how much Frame::attitude may differ fr
 void check_frame(const Frame& frame, const Rig& rig);
 
 struct FrameResult {
-  // RGB; RGBA with straight alpha where the frame has no back picture. Without
-  // SessionOptions::read_back there is none: its width is 0.
+  // RGB; RGBA with straight alpha where neither the frame nor a texture (see GlRenderer) gives a
+  // back picture. Without SessionOptions::read_back there is none: its width is 0.
   Image<std::uint8_t> image;
   // Nothing where the board is not seen; `image` is then the back picture.
   std::optional<Pose> back_from_marker;

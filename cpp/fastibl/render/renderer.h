@@ -69,6 +69,10 @@ class Renderer {
   virtual const ShadowMap& shadow_map() = 0;
   virtual ObjectLayer object() = 0;
   virtual ObjectLayer holdout() = 0;  // see holdout_layer()
+  // The camera of the texture that composite draws over in place of RenderInput::back, see
+  // GlRenderer; RenderInput::camera must be this one. Null: there is no texture.
+  virtual const Camera* texture_camera() const { return nullptr; }
+
   // 3 channels, or 4 (straight alpha) without a back picture. The memory of `out` is used again.
   virtual void image(Image<std::uint8_t>& out) = 0;
   Image<std::uint8_t> image() {

@@ -96,7 +96,8 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
       renderer_(checked(std::move(renderer), options.methods)),
       options_(std::move(options)),
       tracker_(rig_, board, std::move(detector), options_.follow_surroundings),
-      capture_(rig_, capture_options(options_, board, scene_), options_.front_ratio) {
+      capture_(rig_, capture_options(options_, board, scene_), options_.front_ratio),
+      drawn_by_(rig_.back) {
   if (board) meter_.emplace(*board, options_.paper_albedo);
   replan();
 }
@@ -148,6 +149,11 @@ void Session::watch_time(double milliseconds) {
   if (time_.add(milliseconds, plan_.milliseconds, options_.milliseconds)) judge_.choose_anew();
 }
 
+const Camera& Session::drawn_camera() const {
+  const Camera* texture = renderer_->texture_camera();
+  return texture ? *texture : rig_.back;
+}
+
 bool Session::light_moves() const { return !fixed_environment_ || stream_.moves(); }
 
 void Session::update_plan(bool choose) {
@@ -160,8 +166,9 @@ void Session::update_plan(bool choose) {
   options.lighting = lighting_.get();
   options.measured = &judge_.measured();
   options.costs = options_.costs;
+  const Camera& drawn = drawn_camera();
   options.workload =
-      workload_of(scene_, rig_.back.width, rig_.back.height, light_moves(), options_.cast_shadow);
+      workload_of(scene_, drawn.width, drawn.height, light_moves(), options_.cast_shadow);
   if (const auto groups = shares_.groups()) options.workload.groups = double(*groups);
   if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
     options.object_pixels = pixels;
@@ -390,7 +397,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
   }
   ensure_lighting();
   if (id == PassId::composite) read_exposure(frame, drawn_from);
-  renderer_->run(id, {scene_, plan_.methods, *lighting_, rig_.back, drawn_from, frame.back,
+  renderer_->run(id, {scene_, plan_.methods, *lighting_, drawn_by_, drawn_from, frame.back,
                       back_exposure_, shares_.all(), shares_.plane_gain(), shares_.holdouts(),
                       shares_.own(), &shares_.cell_light(), plan_.shades_alike_as_one});
   return true;
@@ -455,7 +462,7 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
 }
 
 PictureLayers Session::layers() {
-  if (!pixels_ || pixels_->camera != rig_.back) pixels_.emplace(rig_.back);
+  if (!pixels_ || pixels_->camera != drawn_by_) pixels_.emplace(drawn_by_);
   const ShadowLookUp plane(drawn_from_ ? plane_gain() : ShadowMap{});
   return picture_layers(back_exposure_, *pixels_, drawn_from_.value_or(Pose{}), object(), plane,
                         holdout());
@@ -489,6 +496,7 @@ void Session::process(const Frame& given, FrameResult& result) {
     return true;
   });
   stale_ |= product::back_picture;
+  if (drawn_by_ != drawn_camera()) drawn_by_ = drawn_camera(), shown_from_.reset();
   if (wants_capture(frame, result)) stale_ |= product::light_pictures;
   tracker_.find_motion(frame, result);
   choose_methods();
@@ -497,7 +505,7 @@ void Session::process(const Frame& given, FrameResult& result) {
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
   judge_.add_frame(fixed_environment_ || !environment_ ? nullptr : &environment_->radiance);
   update_plan();  // its errors, now that this frame's light is known
-  if (!result.back_from_marker) renderer_->show(frame.back, rig_.back);
+  if (!result.back_from_marker) renderer_->show(frame.back, drawn_by_);
   if (options_.read_back)
     renderer_->image(result.image);
   else

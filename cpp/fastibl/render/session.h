@@ -123,6 +123,7 @@ class Session {
   RigCapture::Turn pictures_turn() const;
   bool wants_capture(const Frame& frame, const FrameResult& found) const;
   std::shared_ptr<const CubeMap> radiance() const;  // null before there is a map
+  const Camera& drawn_camera() const;  // the back one, or that of the renderer's texture
   LightingOptions lighting_options() const;
   void ensure_lighting();  // for this map, with the chain that glossy light is read from
   // Reads the exposure of a back picture without one from the board's white, where the light is
@@ -157,6 +158,7 @@ class Session {
   FrameClock clock_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known
   std::optional<LightMeter> meter_;
+  Camera drawn_by_;                   // the last picture
   std::optional<Pose> drawn_from_;    // the last picture
   std::optional<Pose> shown_from_;    // the last picture that showed the object
   std::optional<PixelTable> pixels_;  // of layers()

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "fastibl/render/gl/copy_picture.h"
 #include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
@@ -56,8 +57,14 @@ void CompositePass::upload_gain(Gpu& gpu, const std::shared_ptr<const ShadowMap>
   gain_map_ = gain;
 }
 
+void CompositePass::take(Gpu& gpu, const CameraTexture& texture, int width, int height) {
+  copy_picture(gpu, texture, width, height, taken_back_);
+  taken_ = true, bytes_ = {}, area_ = {};
+}
+
 void CompositePass::show(const Picture& back, const Camera& camera) {
   area_ = {};
+  if (taken_) return;
   if (back.empty())
     bytes_ = Image<std::uint8_t>(camera.width, camera.height, 4);
   else
@@ -70,7 +77,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   upload_gain(gpu, in.plane_gain);
   const ShadowMap& place = gain_map_ ? *gain_map_ : shadow.place();
   const Area& object_area = shade.area();
-  const bool matte = in.back.empty();
+  const bool matte = in.back.empty() && !taken_;
   show(in.back, camera);
   const Pose marker_from_camera = in.camera_from_marker.inverse();
   const glm::vec3 eye(marker_from_camera.translation);
@@ -83,7 +90,8 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   const bool lens = !Lens(camera).trivial(), rays = lens && !shadowed.empty();
   camera_.upload_response(gpu, camera.response);
   if (rays) camera_.upload_rays(gpu, camera);
-  if (!matte) {
+  const bool upload = !matte && !taken_;
+  if (upload) {
     make_room(gpu, back_, GL_RGB8, GL_RGB, width, height);
     glPixelStorei(GL_UNPACK_ROW_LENGTH, bytes_.width);
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE,
@@ -92,7 +100,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   }
   // Pictures of 16 bits or floats are multiplied as they are: what lies beyond white stays so in
   // the shade.
-  const bool deep = !matte && in.back.type != PixelType::uint8;
+  const bool deep = upload && in.back.type != PixelType::uint8;
   if (deep) {
     make_room(gpu, linear_back_, GL_RGB32F, GL_RGB, width, height, GL_FLOAT);
     const std::vector<glm::vec3> linear = linear_area(in.back, camera.response, area_);
@@ -111,6 +119,8 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
   glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   glUniform1f(p.uniform("exposure"), float(in.exposure * camera.gain));
   if (!matte) glUniform2f(p.uniform("levels"), camera_.levels().x, camera_.levels().y);
+  if (upload) glUniform2i(p.uniform("back_corner"), area_.x0, area_.y0);
+  if (taken_) glUniform2i(p.uniform("back_corner"), 0, 0);
   glUniform4i(p.uniform("object_area"), object_area.x0, object_area.y0, object_area.x1,
               object_area.y1);
   glUniform4f(p.uniform("ratio_place"), place.centre.x, place.centre.y, place.extent,
@@ -123,7 +133,7 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
     glUniform1fv(p.uniform("vignetting"), GLsizei(v.size()), v.data());
   }
   camera_.bind_response(gpu);
-  if (!matte) gpu.bind("back", back_);
+  if (!matte) gpu.bind("back", taken_ ? taken_back_ : back_);
   if (deep) gpu.bind("linear_back", linear_back_);
   if (!object_area.empty()) gpu.bind("object", shade.object());
   if (holdout) gpu.bind("holdout", shade.holdout());
@@ -138,11 +148,17 @@ void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& sha
 }
 
 void CompositePass::image(Gpu& gpu, Image<std::uint8_t>& out) {
-  out = bytes_;
-  if (area_.empty()) return;
-  const int width = area_.width(), height = area_.height();
+  Area area = area_;
+  if (!taken_)
+    out = bytes_;
+  else if (area = {0, 0, taken_back_.width, taken_back_.height};
+           out.width != area.x1 || out.height != area.y1 || out.channels != 3)
+    out = Image<std::uint8_t>(area.x1, area.y1, 3);
+  if (area.empty()) return;
+  const int width = area.width(), height = area.height();
   const std::size_t size = std::size_t(width) * std::size_t(height) * 4;
   const Gpu::Scope scope(gpu);
+  if (taken_) fill_screen(gpu);
   // Reads into memory that the driver shares with the GPU, and from there to where it belongs.
   if (!read_back_) read_back_ = gpu.new_buffer();
   glBindBuffer(GL_PIXEL_PACK_BUFFER, read_back_);
@@ -150,14 +166,14 @@ void CompositePass::image(Gpu& gpu, Image<std::uint8_t>& out) {
     glBufferData(GL_PIXEL_PACK_BUFFER, GLsizeiptr(size), nullptr, GL_STREAM_READ);
     read_back_size_ = size;
   }
-  gpu.target(0, picture_);
+  gpu.target(0, taken_ ? screen_ : picture_);
   glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
   const auto* drawn = static_cast<const std::uint8_t*>(
       glMapBufferRange(GL_PIXEL_PACK_BUFFER, 0, GLsizeiptr(size), GL_MAP_READ_BIT));
   if (!drawn) throw std::runtime_error("the GL driver does not give the picture back");
   for (int y = 0; y < height; ++y) {
     const std::uint8_t* from = drawn + std::size_t(y) * std::size_t(width) * 4;
-    std::uint8_t* to = out.pixel(area_.x0, area_.y0 + y);
+    std::uint8_t* to = out.pixel(area.x0, area.y0 + y);
     if (out.channels == 4) {
       std::copy_n(from, width * 4, to);
       continue;
@@ -170,24 +186,34 @@ void CompositePass::image(Gpu& gpu, Image<std::uint8_t>& out) {
   glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
 }
 
-void CompositePass::present(Gpu& gpu, GLuint framebuffer, int width, int height) {
-  if (bytes_.empty()) return;
-  const GLenum format = bytes_.channels == 4 ? GL_RGBA : GL_RGB;
-  std::vector<std::uint8_t> rgba;
-  const std::uint8_t* data = bytes_.data.data();
-  if (format == GL_RGB) {  // the texture has four channels, like what is copied into it
-    rgba.resize(bytes_.data.size() / 3 * 4, 255);
-    for (std::size_t i = 0; i < rgba.size() / 4; ++i) std::copy_n(data + 3 * i, 3, &rgba[4 * i]);
-    data = rgba.data();
-  }
-  gpu.allocate(screen_, GL_RGBA8, bytes_.width, bytes_.height, GL_RGBA, GL_UNSIGNED_BYTE, data);
-  if (!area_.empty()) {
-    gpu.target(0, picture_), gpu.target(1, screen_);
+void CompositePass::fill_screen(Gpu& gpu) {
+  const auto copy = [&](const Texture& from, const Area& to) {
+    gpu.target(0, from), gpu.target(1, screen_);
     glBindFramebuffer(GL_READ_FRAMEBUFFER, gpu.framebuffer(0));
     glBindFramebuffer(GL_DRAW_FRAMEBUFFER, gpu.framebuffer(1));
-    glBlitFramebuffer(0, 0, area_.width(), area_.height(), area_.x0, area_.y0, area_.x1, area_.y1,
+    glBlitFramebuffer(0, 0, to.width(), to.height(), to.x0, to.y0, to.x1, to.y1,
                       GL_COLOR_BUFFER_BIT, GL_NEAREST);
+  };
+  if (taken_) {
+    const int width = taken_back_.width, height = taken_back_.height;
+    gpu.allocate(screen_, GL_RGBA8, width, height, GL_RGBA, GL_UNSIGNED_BYTE);
+    copy(taken_back_, {0, 0, width, height});
+  } else {
+    std::vector<std::uint8_t> rgba;
+    const std::uint8_t* data = bytes_.data.data();
+    if (bytes_.channels == 3) {  // the texture has four channels, like what is copied into it
+      rgba.resize(bytes_.data.size() / 3 * 4, 255);
+      for (std::size_t i = 0; i < rgba.size() / 4; ++i) std::copy_n(data + 3 * i, 3, &rgba[4 * i]);
+      data = rgba.data();
+    }
+    gpu.allocate(screen_, GL_RGBA8, bytes_.width, bytes_.height, GL_RGBA, GL_UNSIGNED_BYTE, data);
   }
+  if (!area_.empty()) copy(picture_, area_);
+}
+
+void CompositePass::present(Gpu& gpu, GLuint framebuffer, int width, int height) {
+  if (bytes_.empty() && !taken_) return;
+  fill_screen(gpu);
   // Drawn, because nothing can be copied to multisampled framebuffers, and drivers differ in
   // whether they encode what they copy to sRGB ones.
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);

@@ -2,6 +2,7 @@
 
 #include <epoxy/gl.h>
 
+#include <optional>
 #include <stdexcept>
 
 #include "fastibl/core/check.h"
@@ -32,6 +33,8 @@ class Gl final : public GlRenderer {
         shade_.run(gpu_, light_, in);
         break;
       case PassId::composite:
+        check(!texture_camera_ || in.camera == *texture_camera_,
+              "over a texture's picture, only its own camera draws");
         composite_.run(gpu_, shadow_, shade_, in);
         break;
       default:
@@ -52,6 +55,21 @@ class Gl final : public GlRenderer {
   }
 
   void show(const Picture& back, const Camera& camera) override { composite_.show(back, camera); }
+  const Camera* texture_camera() const override {
+    return texture_camera_ ? &*texture_camera_ : nullptr;
+  }
+
+  void set_back_texture(const CameraTexture& texture, const Camera& camera) override {
+    check(!gpu_.own_context(), "only a renderer in the caller's context can read its textures");
+    camera.validate();
+    const Gpu::Scope scope(gpu_);
+    composite_.take(gpu_, texture, camera.width, camera.height);
+    texture_camera_ = camera;
+  }
+  void clear_back_texture() override {
+    composite_.take_none();
+    texture_camera_.reset();
+  }
 
   const ShadowMap& shadow_map() override { return shadow_.shadow_map(gpu_); }
   ObjectLayer object() override { return shade_.layer(gpu_); }
@@ -72,6 +90,7 @@ class Gl final : public GlRenderer {
   ShadowPass shadow_;
   ShadePass shade_;
   CompositePass composite_;
+  std::optional<Camera> texture_camera_;
 };
 
 }  // namespace

@@ -52,6 +52,7 @@ ContextState ContextState::of_current_context() {
       c.desktop ? version >= 45 || has("GL_ARB_clip_control") : has("GL_EXT_clip_control");
   c.polygon_mode = c.desktop || has("GL_NV_polygon_mode");
   c.srgb_switch = !c.desktop && has("GL_EXT_sRGB_write_control");
+  c.external = !c.desktop && has("GL_OES_EGL_image_external_essl3");
   if (c.desktop || version >= 32 || has("GL_EXT_draw_buffers_indexed") ||
       has("GL_OES_draw_buffers_indexed"))
     c.buffers = GLuint(std::min(integer(GL_MAX_DRAW_BUFFERS), 8));
@@ -102,6 +103,7 @@ SavedState::SavedState(const ContextState& context) : context_(context) {
   for (std::size_t i = 0; i < kTextureUnits; ++i) {
     glActiveTexture(GLenum(GL_TEXTURE0 + i));
     units_[i] = {integer(GL_TEXTURE_BINDING_2D), integer(GL_TEXTURE_BINDING_CUBE_MAP),
+                 context.external ? integer(GL_TEXTURE_BINDING_EXTERNAL_OES) : 0,
                  integer(GL_SAMPLER_BINDING)};
   }
   glActiveTexture(GLenum(active_));
@@ -132,6 +134,7 @@ SavedState::~SavedState() {
     glActiveTexture(GLenum(GL_TEXTURE0 + i));
     glBindTexture(GL_TEXTURE_2D, GLuint(units_[i].flat));
     glBindTexture(GL_TEXTURE_CUBE_MAP, GLuint(units_[i].cube));
+    if (context_.external) glBindTexture(GL_TEXTURE_EXTERNAL_OES, GLuint(units_[i].external));
     glBindSampler(GLuint(i), GLuint(units_[i].sampler));
   }
   glActiveTexture(GLenum(active_));

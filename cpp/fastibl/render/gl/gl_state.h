@@ -19,6 +19,7 @@ struct ContextState {
   bool clip_control = false;          // has a range of depths, and a side that is up
   bool polygon_mode = false;          // may draw triangles as lines
   bool srgb_switch = false;           // has OpenGL ES's switch for the encoding of what is drawn
+  bool external = false;              // has external textures
   GLuint buffers = 0, viewports = 0;  // that have switches, masks or rectangles of their own
 
   ContextState();                            // of OpenGL ES 3.0: of a context of our own
@@ -34,7 +35,7 @@ class SavedState {
 
  private:
   struct Unit {
-    GLint flat, cube, sampler;
+    GLint flat, cube, external, sampler;
   };
   struct Buffer {
     GLboolean blends;

@@ -20,9 +20,16 @@ constexpr std::pair<const char*, int> kUnits[] = {
     {"chain", 7},         {"first_lobe", 8},     {"holdout", 8},       {"lobe_table", 9},
     {"normal_map", 9},    {"uvs", 10},           {"tangents", 11},     {"base_color_map", 12},
     {"metallic_map", 13}, {"roughness_map", 14}, {"emission_map", 15}, {"ggx_albedo", 5},
-    {"linear_back", 9},   {"screen", 0}};
+    {"linear_back", 9},   {"screen", 0},         {"given", 2}};
 static_assert(std::ranges::all_of(kUnits, [](const auto& u) { return u.second < kTextureUnits; }),
               "a unit whose state is not given back");
+
+int unit_of(const char* sampler) {
+  const auto* found =
+      std::ranges::find_if(kUnits, [&](const auto& u) { return !std::strcmp(u.first, sampler); });
+  check(found != std::end(kUnits), "no texture unit is set aside for ", sampler);
+  return found->second;
+}
 
 std::string text_of(GLenum what) {
   const GLubyte* text = glGetString(what);
@@ -79,6 +86,11 @@ Gpu::Gpu(bool own_context) {
   glGenFramebuffers(2, framebuffers_);
   glGenRenderbuffers(1, &depth_);
   no_corners_ = new_vertex_array();
+  glGenSamplers(1, &smooth_);
+  for (const GLenum filter : {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER})
+    glSamplerParameteri(smooth_, filter, GL_LINEAR);
+  for (const GLenum edge : {GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
+    glSamplerParameteri(smooth_, edge, GL_CLAMP_TO_EDGE);
 }
 
 Gpu::~Gpu() {
@@ -91,6 +103,7 @@ Gpu::~Gpu() {
   glDeleteVertexArrays(GLsizei(vertex_arrays_.size()), vertex_arrays_.data());
   glDeleteBuffers(GLsizei(buffers_.size()), buffers_.data());
   glDeleteRenderbuffers(1, &depth_);
+  glDeleteSamplers(1, &smooth_);
 }
 
 GLuint Gpu::new_texture() {
@@ -166,11 +179,21 @@ const Program& Gpu::use(const std::string& pass, const std::vector<std::string>&
 }
 
 void Gpu::bind(const char* sampler, const Texture& t, GLenum kind) {
-  const auto* found =
-      std::ranges::find_if(kUnits, [&](const auto& u) { return !std::strcmp(u.first, sampler); });
-  check(found != std::end(kUnits), "no texture unit is set aside for ", sampler);
-  glActiveTexture(GLenum(GL_TEXTURE0 + found->second));
+  glActiveTexture(GLenum(GL_TEXTURE0 + unit_of(sampler)));
   glBindTexture(kind, t.id);
+}
+
+bool Gpu::bind_given(const char* sampler, GLuint name, GLenum kind) {
+  if (!glIsTexture(name)) return false;
+  const int unit = unit_of(sampler);
+  glActiveTexture(GLenum(GL_TEXTURE0 + unit));
+  glBindTexture(kind, 0), glBindTexture(kind, name);
+  GLint bound = 0;
+  glGetIntegerv(kind == GL_TEXTURE_2D ? GL_TEXTURE_BINDING_2D : GL_TEXTURE_BINDING_EXTERNAL_OES,
+                &bound);
+  if (GLuint(bound) != name) return glGetError(), false;  // ours: it was made for another kind
+  glBindSampler(GLuint(unit), smooth_);
+  return true;
 }
 
 void Gpu::draw_full_screen(int width, int height) {

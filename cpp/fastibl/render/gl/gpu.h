@@ -66,6 +66,9 @@ class Gpu {
   // The program of the pass's two shaders, made at its first use; it is in use from now on.
   const Program& use(const std::string& pass, const std::vector<std::string>& defines);
   void bind(const char* sampler, const Texture& t, GLenum kind = GL_TEXTURE_2D);
+  // A texture of the caller's, read between its texels whatever its own state says, to the end of
+  // the scope. False where there is none of this kind under the name.
+  bool bind_given(const char* sampler, GLuint name, GLenum kind);
   void draw_full_screen(int width, int height);
 
  private:
@@ -76,7 +79,7 @@ class Gpu {
   std::string device_;
   bool half_ = false, bake_all_ = false;
   int largest_ = 2048;
-  GLuint framebuffers_[2] = {}, depth_ = 0, no_corners_ = 0;
+  GLuint framebuffers_[2] = {}, depth_ = 0, no_corners_ = 0, smooth_ = 0;
   std::vector<GLuint> textures_, buffers_, vertex_arrays_;
   std::map<std::string, Program> programs_;
 };
