@@ -629,3 +629,48 @@ def test_light_is_captured_on_where_poses_become_given():
         held = held or (frame.time > 1.2 and result.back_from_marker is not None and result.back_taken is None)
     print(f"captured of {len(given)} frames with a pose: {sum(given)}")
     assert held and all(given)
+
+
+class NearPlace(DistantPlace):
+    """The same light on a dome 2 m around the board."""
+
+    def radiance(self, position, directions, lamp=False, unit=False):
+        o = np.asarray(position, np.float64)
+        d = np.asarray(directions, np.float64)
+        d = d / np.linalg.norm(d, axis=-1, keepdims=True)
+        along = d @ o
+        reach = np.sqrt(along**2 + 4.0 - o @ o) - along
+        on_dome = o + reach[..., None] * d
+        seen = np.where(d[..., 2:] > 0, on_dome, d).astype(np.float32)
+        return super().radiance(position, seen, lamp, unit)
+
+
+def moved_about(time):
+    """The hand moves about the board by half a metre for 2 s, looks up 30 cm beside where it began, and turns round."""
+    way = np.clip(time / 2.0, 0, 1)
+    eye = EYE + [0.3 * np.sin(1.5 * np.pi * way) + 0.6 * way * (1 - way), 0.1 * np.sin(np.pi * way), 0]
+    share = np.clip((time - 2.0) / 0.6, 0, 1)
+    rise = share * share * (3 - 2 * share)
+    heading = 0.9 * max(0.0, time - 2.6) - 0.9 * (1 - rise) * np.arctan2(eye[0], -eye[1])
+    pose = looking(heading, np.radians(-46 + 66 * rise))
+    matrix = np.array(pose.matrix)
+    matrix[:3, 3] = -matrix[:3, :3] @ eye
+    return fastibl.Pose(matrix)
+
+
+def test_near_surroundings_are_followed_from_where_they_were_not_recorded():
+    """The walls are found to be near, so that the map holds them as the object sees them, and not the camera."""
+    film = simulate(NearPlace(textured()), seconds=5, fps=20, size=SIZE, hand=False, lamp=False, path=moved_about)
+    session, errors, missing = fastibl.Session(scene(), film.rig, film.board, size=64), [], 0
+    for frame in film:
+        result = session.process(frame)
+        assert not result.board_moved
+        missing += result.back_from_marker is None and result.turned is None
+        if result.turned is not None:
+            errors.append(angle(result.turned.back_from_marker, film.truth.pose(frame.time)))
+    print(
+        f"walls at {session.capture.distance:.2f} m; {len(errors)} frames, median {np.median(errors):.3f}, "
+        f"worst {max(errors):.3f} degrees, {missing} missing"
+    )
+    assert session.capture.distance == pytest.approx(2, rel=0.15)
+    assert len(errors) > 40 and missing == 0 and np.median(errors) < 0.2 and max(errors) < 0.5

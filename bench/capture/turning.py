@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
@@ -19,7 +19,7 @@ from fastibl.simulator import DistantPlace, HandPath, simulate
 from .. import inputs, measure
 from ..goals import Goal, percent, row, skipped
 from .recordings import ROOM, recorded
-from .turning_path import turning
+from .turning_path import ABOUT, turning, turning_after_moving
 
 SECONDS, FPS = 10.0, 20.0
 GYRO = 0.001  # rad per root of a second: that of a phone, without the bias that its driver removes
@@ -50,9 +50,10 @@ def _page(board: fastibl.Board, directions: NDArray, centre: NDArray) -> NDArray
 
 
 @cache
-def swept(place: str, gyro: float | None = None) -> Sweep:
+def swept(place: str, gyro: float | None = None, path: Callable[[float], fastibl.Pose] = turning) -> Sweep:
+    seconds = SECONDS + (path is not turning) * ABOUT
     film = recorded(
-        place, seconds=SECONDS, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, gyro=gyro, path=turning
+        place, seconds=seconds, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, gyro=gyro, path=path
     )
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     errors, seconds, missing = [], [], 0
@@ -81,13 +82,15 @@ def swept(place: str, gyro: float | None = None) -> Sweep:
 
 @row("capture", "board out of view")
 def out_of_view() -> Iterator[Goal]:
-    for gyro, name in product((None, GYRO), (*inputs.MAPS, ROOM)):
-        s = swept(name, gyro)
+    films = [(name, turning) for name in (*inputs.MAPS, ROOM)] + [(ROOM, turning_after_moving)]
+    for gyro, (name, path) in product((None, GYRO), films):
+        s = swept(name, gyro, path)
         most = float(np.percentile(s.errors, 95)) if s.errors.size else float("inf")
         middle = float(np.median(s.errors)) if s.errors.size else float("inf")
         goal = name != ROOM
         yield Goal(
-            f"10 s sweep, board in view at start and end, {name}{', a gyroscope' if gyro else ''}: "
+            f"10 s sweep, board in view at start and end, {name}"
+            f"{', after moving about the board' if path is not turning else ''}{', a gyroscope' if gyro else ''}: "
             "seen above the horizon, rotation (95 %)",
             f"{percent(s.above)}, {most:.3f} degrees",
             ">= 95 %, <= 0.3 degrees",

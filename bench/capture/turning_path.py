@@ -38,3 +38,24 @@ def turning(time: float) -> fastibl.Pose:
     look[:3, :3] = np.cross(forward, right), -right, forward  # upright: the picture's rows run downwards
     look[:3, 3] = -look[:3, :3] @ eye
     return fastibl.Pose.from_rotation_vector(shake, np.zeros(3)) @ fastibl.Pose(look)
+
+
+ABOUT = 3.0  # seconds
+
+
+def turning_after_moving(time: float) -> fastibl.Pose:
+    """The same after three seconds in which the hand moves about the board, 0.4 m to either side, and looks at it."""
+    if time >= ABOUT:
+        return turning(time - ABOUT)
+    share = time / ABOUT
+    side = np.sin(2 * np.pi * share) * np.sin(np.pi * share) ** 2
+    start = turning(0)
+    eye = np.array(start.inverse().translation)
+    eye += [0.55 * side, 0.1 * (1 - np.cos(2 * np.pi * share)), 0.12 * np.sin(2 * np.pi * share) ** 2]
+    look = np.array(fastibl.Pose.look_at(eye, (0, 0, 0)).rotation)
+    first = np.array(start.rotation)
+    began = np.array(fastibl.Pose.look_at(start.inverse().translation, (0, 0, 0)).rotation)
+    matrix = np.eye(4)
+    matrix[:3, :3] = first @ began.T @ look  # held as at the start
+    matrix[:3, 3] = -matrix[:3, :3] @ eye
+    return fastibl.Pose(matrix)

@@ -108,7 +108,8 @@ class Capture {
   int size() const { return options_.size; }
   // Metres to what is seen above the horizon: as given, or as the pictures say so far. Without
   // meaning where there is a box.
-  double distance() const { return surroundings_.distance(); }
+  double distance() const { return surface().distance(); }
+  const MapSurface& surface() const { return surroundings_.surface(); }
   const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // How often everything that a camera without told exposures had shown was made brighter or darker

@@ -162,12 +162,12 @@ std::vector<LightPosition> LightTracks::positions() const {
 
 // Each track counts by how well it is known: one seen once says no more than what was likely
 // before.
-LightTracks::Nearness LightTracks::nearness(const Surroundings& usual) const {
+LightTracks::Nearness LightTracks::nearness(const MapSurface& usual) const {
   // Whoever gives a box knows that lights hang on its walls, unless they are seen elsewhere.
-  double sum = usual.has_box() ? 0 : kLikely - usual.usual({0, 0, 1}), weight = 1;
+  double sum = usual.has_box() ? 0 : kLikely - usual.nearness({0, 0, 1}), weight = 1;
   for (const Track& track : tracks_) {
     const double own = kSpread * kSpread / track.covariance[2][2];
-    sum += own * (track.inverse_distance - usual.usual(track.v)), weight += own;
+    sum += own * (track.inverse_distance - usual.nearness(track.v)), weight += own;
   }
   return {sum / weight, 1 - 1 / weight};
 }

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "fastibl/capture/bright_spots.h"
-#include "fastibl/capture/surroundings.h"
 #include "fastibl/scene/light_position.h"
+#include "fastibl/scene/map_surface.h"
 
 namespace fastibl {
 
@@ -36,7 +36,7 @@ class LightTracks {
   struct Nearness {
     double gap, seen;
   };
-  Nearness nearness(const Surroundings& usual) const;
+  Nearness nearness(const MapSurface& usual) const;
   // Lines of sight along which a light was seen, for lights that the last picture shows.
   struct Sight {
     glm::dvec3 eye, direction;

@@ -65,7 +65,7 @@ Capture::Parallax Capture::parallax() const {
   const double by_gap = kParallax * far_ / looks_;  // gap: 1 / m
   const std::vector<LightPosition>& lights = surroundings_.lights();
   if (lights.empty()) {
-    const LightTracks::Nearness near = tracks_.nearness(surroundings_);
+    const LightTracks::Nearness near = tracks_.nearness(surroundings_.surface());
     const double all = at_most_all(by_gap * std::abs(near.gap));
     const double seen = at_most_all(near.seen);
     return {seen * all, (1 - seen) * all};
@@ -103,7 +103,7 @@ void Capture::forget_light(const LightPosition& light, const std::vector<int>& m
   if (sights.empty()) return;
   std::vector<glm::dvec3> ghosts;
   for (const LightTracks::Sight& sight : sights)
-    ghosts.push_back(surroundings_.recorded(sight.eye, sight.direction));
+    ghosts.push_back(surroundings_.surface().recorded(sight.eye, sight.direction));
   const double radius = angular_radius(light, options_.centre);
   const std::uint64_t version = new_tile_version();
   for (int tile = 0; tile < grid_.count(); ++tile) {

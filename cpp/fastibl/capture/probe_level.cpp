@@ -46,7 +46,7 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
       if (!ray) continue;
       glm::dvec3 direction = glm::normalize(marker_from_camera.rotation * *ray);
       if (direction.z >= 0) {
-        direction = surroundings_.recorded(eye, direction);
+        direction = surroundings_.surface().recorded(eye, direction);
       } else {
         if (!(eye.z > 0)) continue;
         const glm::dvec3 point = eye - eye.z / direction.z * direction;

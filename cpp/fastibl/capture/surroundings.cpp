@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "fastibl/capture/texel_view.h"
 
@@ -23,15 +22,11 @@ bool is_about(const Depth& a, const Depth& b) {
 
 }  // namespace
 
-Surroundings::Surroundings(const TileOutlines& outlines, const glm::dvec3& centre, double distance,
-                           const std::optional<RoomBox>& box)
-    : centre_(centre) {
-  usual_.inverse_distance = float(1 / distance);
-  if (box) {
-    usual_.box = true;
-    walls_[0] = glm::vec3(1.0 / (box->upper - centre));
-    walls_[1] = glm::vec3(1.0 / (box->lower - centre));
-  }
+Surroundings::Surroundings(const TileOutlines& outlines, const glm::dvec3& centre,
+                           const MapSurface& surface)
+    : centre_(centre), surface_(surface) {
+  usual_.inverse_distance = float(1 / surface.distance()), usual_.box = surface.has_box();
+  for (int side = 0; side < 2; ++side) walls_[side] = glm::vec3(surface.walls()[side]);
   const std::size_t padded = outlines.bulge.size();
   depths_.assign(padded, usual_);
   for (int c = 0; c < 4; ++c) corners_[c].assign(padded, 0.0f);
@@ -112,31 +107,8 @@ void Surroundings::find_lit() {
   }
 }
 
-double Surroundings::usual(const glm::dvec3& direction) const {
-  return double(weight(glm::vec3(direction), usual_));
-}
-
 double Surroundings::gap(const LightPosition& light) const {
-  return std::abs(1 / glm::length(light.position - centre_) - usual(light.direction));
-}
-
-glm::dvec3 Surroundings::recorded(const glm::dvec3& eye, const glm::dvec3& direction) const {
-  const glm::dvec3 offset = eye - centre_;
-  double along = std::numeric_limits<double>::infinity();
-  if (usual_.box) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const double wall = 1.0 / double(walls_[direction[axis] < 0 ? 1 : 0][axis]);
-      if (direction[axis] != 0)
-        along = std::min(along, std::max(0.0, (wall - offset[axis]) / direction[axis]));
-    }
-  } else if (usual_.inverse_distance > 0) {
-    const double distance = 1.0 / double(usual_.inverse_distance);
-    const double half = glm::dot(offset, direction);
-    const double square = half * half + distance * distance - glm::dot(offset, offset);
-    if (square > 0) along = std::sqrt(square) - half;
-  }
-  if (!(along > 0 && std::isfinite(along))) return direction;
-  return glm::normalize(offset + along * direction);
+  return std::abs(1 / glm::length(light.position - centre_) - surface_.nearness(light.direction));
 }
 
 }  // namespace fastibl

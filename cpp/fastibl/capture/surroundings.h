@@ -1,12 +1,11 @@
 // How far from the map's centre the things that it shows are assumed to be.
 #pragma once
 
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "fastibl/scene/light_position.h"
-#include "fastibl/scene/room_box.h"
+#include "fastibl/scene/map_surface.h"
 
 namespace fastibl {
 
@@ -24,19 +23,15 @@ struct Depth {
 // Surroundings above the horizon; what is below is the plane.
 class Surroundings {
  public:
-  // distance: metres, may be infinite; a box, if there is one, takes precedence.
-  Surroundings(const TileOutlines& outlines, const glm::dvec3& centre, double distance,
-               const std::optional<RoomBox>& box);
+  // surface: where everything but lights is assumed to be, around the centre.
+  Surroundings(const TileOutlines& outlines, const glm::dvec3& centre, const MapSurface& surface);
 
   // Sets the tiles that show a light to the light's distance, unless it is about where everything
   // is assumed to be anyway; the other tiles get the usual depth. Returns the tiles whose depth
   // changed.
   std::vector<int> place(const TileOutlines& outlines, std::span<const LightPosition> lights);
 
-  // The map direction in which a line of sight is recorded where no light is placed: from the
-  // centre to where the line meets the box, the sphere of that distance, or infinity.
-  glm::dvec3 recorded(const glm::dvec3& eye, const glm::dvec3& direction) const;
-
+  const MapSurface& surface() const { return surface_; }
   Depth depth(int tile) const { return depths_[std::size_t(tile)]; }
   bool is_usual(const Depth& depth) const { return depth == usual_; }  // not that of a light
   // Lights that some tiles show, and these tiles: 1 for each of them, padded to whole vectors.
@@ -47,10 +42,6 @@ class Surroundings {
   const std::vector<LitTiles>& lit_tiles() const { return lit_; }
   // Lights whose distance some tiles have.
   const std::vector<LightPosition>& lights() const { return lights_; }
-  // How near everything but these lights is assumed to be in a direction, 1 / m.
-  double usual(const glm::dvec3& direction) const;
-  double distance() const { return 1 / double(usual_.inverse_distance); }  // metres
-  bool has_box() const { return usual_.box; }
   // Difference of a light's inverse distance from the one that would be assumed there, 1 / m.
   double gap(const LightPosition& light) const;
   // Whether anything is nearer than infinity.
@@ -67,6 +58,7 @@ class Surroundings {
   void find_lit();
 
   glm::dvec3 centre_;
+  MapSurface surface_;
   Depth usual_;
   glm::vec3 walls_[2] = {glm::vec3(0), glm::vec3(0)};
   std::vector<LightPosition> lights_;

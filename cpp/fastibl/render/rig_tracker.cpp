@@ -101,6 +101,7 @@ void RigTracker::forget_surroundings() {
 std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround around,
                                              FrameResult& result) {
   if (!rotation_tracker_) return std::nullopt;
+  rotation_tracker_->set_surface(around.surface);
   RigPictures& pictures = around.pictures;
   pictures.number = ++moments_;
   if (!follows_front_) pictures.front = {};
@@ -135,7 +136,7 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   }
   between_looks_.clear();  // they come from the board, and whether it lies still is the question
   pictures.velocity = by_board.velocity;
-  const Agreement agreement = rotation_tracker_->compare(pose.rotation, pictures);
+  const Agreement agreement = rotation_tracker_->compare(pose, pictures);
   std::optional<Turned> turned;
   // Turned far, a board leaves nothing of the map to compare with; the surroundings may still be
   // followed from picture to picture.

@@ -27,6 +27,7 @@ namespace fastibl {
 struct SeenAround {
   std::function<std::shared_ptr<const Environment>()> map;  // called where it is needed
   bool mapped = false;                                      // whether there is one yet
+  MapSurface surface;                                       // of what it shows
   RigPictures pictures;  // those of the frame with known exposure
   bool look = true;      // whether to compare the board with them in this frame
   bool rarely = false;   // such looks take time from other work

@@ -15,6 +15,7 @@
 namespace fastibl {
 namespace {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Metres: least height of an object's centre for capture, however flat it is.
 constexpr double kSmallestHeight = 0.01;
 
@@ -66,7 +67,7 @@ CaptureOptions capture_options(const SessionOptions& options, const std::optiona
   capture.board = board;
   capture.distance = options.distance;
   if (options.methods.capture == CaptureMethod::single && !capture.distance)
-    capture.distance = std::numeric_limits<double>::infinity();  // as in the paper
+    capture.distance = kInfinity;  // as in the paper
   capture.box = options.box;
   capture.prior = options.prior;
   capture.paper_albedo = options.paper_albedo;
@@ -285,11 +286,14 @@ void Session::follow_surroundings(const Frame& frame, FrameResult& result) {
   SeenAround around;
   around.mapped = environment_ != nullptr;
   around.map = [&] { return given_elsewhere_ ? capture_.map().environment() : environment_; };
+  const bool given = fixed_environment_ && !given_elsewhere_;
+  around.surface = given ? MapSurface(environment_->centre, kInfinity, environment_->box)
+                         : capture_.map().surface();
   around.pictures = capture_.pictures(frame);
   around.look = turns_.takes(LightStep::look), around.rarely = in_turns_;
   const std::optional<glm::dmat3> moved = tracker_.follow(frame, std::move(around), result);
   if (!moved) return;
-  if (fixed_environment_ && !given_elsewhere_) {
+  if (given) {
     // The board did not move: the given light is turned against the place, or of another one.
     given_elsewhere_ = true;
     return;

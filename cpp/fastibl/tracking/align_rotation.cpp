@@ -152,8 +152,8 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
   const float dark = float(map.dark()) + kDark * white;
   const float off = float(level == 0 ? options.misfit : options.coarse_misfit);
   const Sensor whole{white, dark, off};
-  Candidates candidates(camera, whole, glm::transpose(rotation) * glm::dvec3(0, 0, 1), options,
-                        scratch);
+  const glm::dvec3 looks = glm::transpose(rotation) * glm::dvec3(0, 0, 1);
+  Candidates candidates(camera, whole, view.recorded(looks), options, scratch);
   for (const PictureFeatures::Tile& tile : fine.tiles())
     if (!tile.features[level].empty() && candidates.shows(tile.cone.middle, tile.cone.reach))
       candidates.add(tile.features[level]);
@@ -166,8 +166,8 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
   const bool rolls = view.turn != glm::dvec3(0) || view.turn_by_w != glm::dmat3(0.0);
   for (const Candidate& candidate : scratch) {
     const MapFeature& f = *candidate.feature;
-    if (outside(f.direction)) continue;
-    const glm::dvec3 d(f.direction);
+    const glm::dvec3 d = view.seen(glm::dvec3(f.direction));
+    if (outside(glm::vec3(d))) continue;
     glm::dmat2x3 derivative;
     glm::dmat3 row(1.0), by_w(1.0);  // the turn until the row that shows it, and its change by w
     auto pixel = view.lens->project(rotation * d, &derivative);

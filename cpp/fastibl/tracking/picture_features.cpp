@@ -65,7 +65,10 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
     return int(tiles_[index(d)].features[level].size()) >= kPerTile[level];
   };
   const auto turn = [&](int y) { return marker_from_camera[std::size_t(y)]; };
-  const glm::vec3 middle = turn(y0 + cell / 2) * ray_at(x0 + cell / 2, y0 + cell / 2);
+  const auto recorded = [&](const glm::vec3& seen) {
+    return glm::vec3(view.recorded(glm::dvec3(seen)));
+  };
+  const glm::vec3 middle = recorded(turn(y0 + cell / 2) * ray_at(x0 + cell / 2, y0 + cell / 2));
   if (!(middle.z > 0) || full(middle)) return;
   float most = kLeastGradient * kLeastGradient;
   int bx = -1, by = -1;
@@ -85,11 +88,12 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
     return;
   const glm::vec3 ray = ray_at(bx, by), right = ray_at(bx + 1, by), down = ray_at(bx, by + 1);
   if (!(ray.z > 0 && right.z > 0 && down.z > 0)) return;
-  const glm::vec3 d = turn(by) * ray;
-  if (!(d.z > std::max(kHorizon, 2 * glm::length(right - ray)))) return;
+  const glm::vec3 seen = turn(by) * ray;
+  if (!(seen.z > std::max(kHorizon, 2 * glm::length(right - ray)))) return;
+  const glm::vec3 d = recorded(seen);
   if (full(d)) return;
   std::vector<MapFeature>& features = tiles_[index(d)].features[level];
-  const glm::vec3 u = turn(by) * (right - ray), v = turn(by + 1) * down - d;
+  const glm::vec3 u = turn(by) * (right - ray), v = turn(by + 1) * down - seen;
   const float width = 0.5f * (glm::length(u) + glm::length(v));
   for (const MapFeature& f : features)
     if (glm::length(f.direction - d) < kApart * width) return;
@@ -100,7 +104,7 @@ void PictureFeatures::consider(const MapView& view, const BlockRays& rays,
   const float lu = 0.5f * scale * (at(bx + 1, by) - at(bx - 1, by)),
               lv = 0.5f * scale * (at(bx, by + 1) - at(bx, by - 1));
   const float light = scale * at(bx, by);
-  features.push_back({d, glm::cross(d, tangent_gradient(u, v, lu, lv)), light,
+  features.push_back({d, glm::cross(seen, tangent_gradient(u, v, lu, lv)), light,
                       noise_of(at(bx, by), l.block), width, drift, 0});
 }
 

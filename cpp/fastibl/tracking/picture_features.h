@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fastibl/scene/camera.h"
+#include "fastibl/scene/map_surface.h"
 #include "fastibl/scene/tile_cone.h"
 #include "fastibl/tracking/light_pyramid.h"
 #include "fastibl/tracking/map_features.h"
@@ -23,6 +24,17 @@ struct MapView {
   // share s of the height is read. turn_by_w: how `turn` changes with w in rotation · exp([w]×).
   glm::dvec3 turn{0};
   glm::dmat3 turn_by_w{0.0};
+  // Of what is seen, and where the camera is, metres, marker frame.
+  const MapSurface* surface = nullptr;
+  glm::dvec3 eye{0};
+
+  // The direction, not of unit length, in which the camera sees what the map shows in a direction.
+  glm::dvec3 seen(const glm::dvec3& direction) const {
+    return surface ? surface->seen_from(eye, direction) : direction;
+  }
+  glm::dvec3 recorded(const glm::dvec3& ray) const {
+    return surface ? surface->recorded(eye, ray) : ray;
+  }
 };
 
 // Rays through the middles of the blocks, at the levels from which features are taken, unit length;

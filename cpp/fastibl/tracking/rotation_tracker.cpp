@@ -109,15 +109,21 @@ void RotationTracker::forget() {
   last_drift_ = found_drift_ = 0;
 }
 
-Agreement RotationTracker::compare(const glm::dmat3& back_from_marker,
-                                   const RigPictures& pictures) {
+void RotationTracker::set_surface(const MapSurface& surface) {
+  if (surface == surface_) return;
+  surface_ = surface;
+  fine_.clear();
+}
+
+Agreement RotationTracker::compare(const Pose& back_from_marker, const RigPictures& pictures) {
   AlignmentOptions options = options_.alignment;
   options.coarsest = options.rounds = 0;
   options.note = false;
   options.most = kFewToCompare;
   const State* state = state_ ? &*state_ : nullptr;
-  const auto found = align_rotation(features_, fine_, views(pictures, state), back_from_marker,
-                                    {back_from_marker, glm::dmat3(1e12)}, options);
+  const glm::dmat3& rotation = back_from_marker.rotation;
+  const auto found = align_rotation(features_, fine_, views(pictures, state, back_from_marker),
+                                    rotation, {rotation, glm::dmat3(1e12)}, options);
   if (!found || found->features < kFewestToAgree) return Agreement::nothing;
   const bool agrees = found->residual <= kAgrees && found->agreeing >= kAgreeing;
   return agrees ? Agreement::agrees : Agreement::differs;
@@ -160,7 +166,7 @@ void RotationTracker::start(const Pose& back_from_marker, double time, const Rig
   eye_ = back_from_marker.inverse().translation;
   // What the pictures show is then off by as much as the pose is, all of it alike.
   known_ = found_ = time, last_drift_ = found_drift_ = variance, contradicted_ = false;
-  add_features(views(pictures, &*state_));
+  add_features(views(pictures, &*state_, back_from_marker));
 }
 
 // Constant angular velocity but for a hand's accelerations; or a gyroscope's turn.
@@ -202,7 +208,8 @@ void RotationTracker::add_features(const std::vector<MapView>& views) {
 }
 
 // state: at the time of the pictures, for rolling shutters.
-std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const State* state) {
+std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const State* state,
+                                            const Pose& back_from_marker) {
   std::vector<MapView> views;
   const glm::dvec3 velocity = pictures.velocity ? *pictures.velocity
                               : state           ? state->velocity
@@ -213,7 +220,7 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
     velocity_by_w = glm::transpose(state->wv) * glm::inverse(state->ww);
   const bool ready = pictures.number != 0 && pictures.number == lit_;
   const auto add = [&](const Picture& picture, const Camera& camera, const Lens& lens,
-                       LightPyramid& light, const glm::dmat3& camera_from_rig, double exposure) {
+                       LightPyramid& light, const Pose& camera_from_rig, double exposure) {
     check(picture.width == camera.width && picture.height == camera.height,
           "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
           picture.width, " × ", picture.height);
@@ -221,14 +228,15 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
     check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
           exposure);
     if (!ready) light.make(picture, camera.response);
-    views.push_back({&light, &camera, &lens, camera_from_rig, exposure, camera.readout * velocity,
-                     camera.readout * velocity_by_w});
+    views.push_back({&light, &camera, &lens, camera_from_rig.rotation, exposure,
+                     camera.readout * velocity, camera.readout * velocity_by_w, &surface_,
+                     (camera_from_rig * back_from_marker).inverse().translation});
   };
   if (!pictures.back.empty())
-    add(pictures.back, rig_.back, back_lens_, back_light_, glm::dmat3(1.0), pictures.back_exposure);
+    add(pictures.back, rig_.back, back_lens_, back_light_, Pose{}, pictures.back_exposure);
   if (!pictures.front.empty()) {
     check(rig_.front.has_value(), "a front picture came, but the rig has no front camera");
-    add(pictures.front, *rig_.front, *front_lens_, front_light_, rig_.front_from_back.rotation,
+    add(pictures.front, *rig_.front, *front_lens_, front_light_, rig_.front_from_back,
         pictures.front_exposure);
   }
   lit_ = pictures.number;
@@ -304,7 +312,8 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     return std::nullopt;
   }
   features_.update(environment, last_drift_);
-  const std::vector<MapView> seen = views(pictures, &*state_);
+  const Pose expected_pose{state_->rotation, -(state_->rotation * eye_)};
+  const std::vector<MapView> seen = views(pictures, &*state_, expected_pose);
   if (seen.empty()) return std::nullopt;
   const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
   std::optional<Alignment> found;

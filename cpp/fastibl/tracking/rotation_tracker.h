@@ -12,6 +12,7 @@
 
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
+#include "fastibl/scene/map_surface.h"
 #include "fastibl/scene/picture.h"
 #include "fastibl/tracking/align_rotation.h"
 #include "fastibl/tracking/light_pyramid.h"
@@ -95,9 +96,12 @@ class RotationTracker {
   std::optional<Turned> track(const Environment& environment, const RigPictures& pictures,
                               double time, const std::optional<glm::dmat3>& turn = {},
                               double turn_variance = 0);
-  // Whether pictures agree with what was seen before, under a rotation that is known otherwise. A
-  // fast test.
-  Agreement compare(const glm::dmat3& back_from_marker, const RigPictures& pictures);
+  // Whether pictures agree with what was seen before, under a pose that is known otherwise. A fast
+  // test.
+  Agreement compare(const Pose& back_from_marker, const RigPictures& pictures);
+  // Where the things are that the map shows: from elsewhere than its centre, near ones are seen in
+  // other directions. What single pictures showed is forgotten if this is new.
+  void set_surface(const MapSurface& surface);
   void reset();   // forgets the rotation
   void forget();  // and what was seen
   bool following() const { return state_.has_value(); }
@@ -114,7 +118,8 @@ class RotationTracker {
   };
   State predicted(double time, const std::optional<glm::dmat3>& turn, double variance) const;
   static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
-  std::vector<MapView> views(const RigPictures& pictures, const State* state);
+  std::vector<MapView> views(const RigPictures& pictures, const State* state,
+                             const Pose& back_from_marker);
   void add_features(const std::vector<MapView>& views);
   std::optional<Turned> judged(const Alignment& found, double time) const;
   bool is_only_one(const Alignment& found, const RotationPrior& prior,
@@ -132,6 +137,7 @@ class RotationTracker {
   std::optional<BlockRays> front_rays_;
   MapFeatures features_;
   PictureFeatures fine_;
+  MapSurface surface_;
   std::optional<State> state_;  // of the last frame, whether or not it gave a result
   glm::dvec3 eye_{0};           // of the back camera, marker frame, metres
   double known_ = 0;            // seconds: when a pose was last known
