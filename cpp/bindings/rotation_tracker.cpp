@@ -42,7 +42,8 @@ void bind_turned(py::module_& module) {
   py::class_<Turned>(module, "Turned",
                      R"(A pose that rests on the captured map: the board is out of view.
 
-The rotation is measured; the camera's place is the one from which the board was last seen. Where nothing of the map can
+The rotation is measured; the camera's place is the one from which the board was last seen, or, where the surroundings
+are near, as they show it. Where nothing of the map can
 be seen, the rotation is a gyroscope's alone: features, residual and agreeing are 0.)")
       .def_readonly("back_from_marker", &Turned::back_from_marker, "Pose.")
       .def_property_readonly(
@@ -57,7 +58,7 @@ be seen, the rotation is a gyroscope's alone: features, residual and agreeing ar
       .def_readonly("drift", &Turned::drift,
                     "Standard deviation of the map's own rotation there, radians.")
       .def_readonly("position_deviation", &Turned::position_deviation,
-                    "Standard deviation of the camera's place, which is kept; metres.")
+                    "Standard deviation of the camera's place; metres.")
       .def_readonly("residual", &Turned::residual,
                     "Difference of the pictures from the map, divided by the expected difference.")
       .def_readonly("agreeing", &Turned::agreeing, "Share of the compared texels that agrees.")

@@ -1495,7 +1495,8 @@ class Turned:
     """
     A pose that rests on the captured map: the board is out of view.
 
-    The rotation is measured; the camera's place is the one from which the board was last seen. Where nothing of the map can
+    The rotation is measured; the camera's place is the one from which the board was last seen, or, where the surroundings
+    are near, as they show it. Where nothing of the map can
     be seen, the rotation is a gyroscope's alone: features, residual and agreeing are 0.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
@@ -1545,7 +1546,7 @@ class Turned:
     @property
     def position_deviation(self) -> float:
         """
-        Standard deviation of the camera's place, which is kept; metres.
+        Standard deviation of the camera's place; metres.
         """
     @property
     def residual(self) -> float:

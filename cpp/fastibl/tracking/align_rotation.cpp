@@ -13,8 +13,8 @@ namespace fastibl {
 namespace {
 
 constexpr std::size_t kFewest = 12;
-constexpr float kRelinearise = 0.01f;  // radians: beyond, pixels are projected anew
-constexpr float kDone = 2e-5f;         // radians
+constexpr float kRelinearise = 0.01f;  // radians, metres: beyond, pixels are projected anew
+constexpr float kDone = 2e-5f;         // radians, metres
 constexpr float kTukey = 4.7f;         // robust standard deviations, 95 % efficient
 constexpr double kLeastScale = 0.5;
 // Noise of a pixel, linear: deviation in the dark, variance by light; for a small sensor and codes
@@ -44,6 +44,8 @@ struct Seen {
   float x, y;
   glm::vec3 move_x, move_y;  // of the pixel by w
   glm::vec3 axis;            // of the logarithm
+  glm::vec3 eye_x, eye_y;    // of the pixel by the eye's shift, 1 / metres
+  glm::vec3 eye_axis;        // of the logarithm by it
   float log_light, inverse_deviation, dark, scale;
   int level;
   const MapFeature* feature;
@@ -142,10 +144,11 @@ class Outside {
   float x_, y_;
 };
 
-// Projects the features of a level that a picture shows.
+// Projects the features of a level that a picture shows. by_eye: also how they move with the eye.
 void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapView& view,
-               const glm::dmat3& rig_from_marker, int level, const AlignmentOptions& options,
-               std::vector<Candidate>& scratch, std::vector<Seen>& out) {
+               const glm::dmat3& rig_from_marker, int level, bool by_eye,
+               const AlignmentOptions& options, std::vector<Candidate>& scratch,
+               std::vector<Seen>& out) {
   const Camera& camera = *view.camera;
   const glm::dmat3 rotation = view.camera_from_rig * rig_from_marker;
   const float white = float(1 / std::max(view.exposure * camera.gain, 1e-30));
@@ -192,71 +195,126 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
     const float variance = sensor.variance(f, options, float(view.light->level(read).block));
     const float light = f.light + dark;
     const glm::vec3 axis = rolls ? glm::vec3((row * glm::dvec3(f.axis)) * by_w) : f.axis;
-    out.push_back({float(pixel->x), float(pixel->y), glm::vec3(mx), glm::vec3(my), axis / light,
-                   kLn2 * fast_log2(light), 1 / std::sqrt(variance), dark, sensor.white, read, &f});
+    Seen seen{float(pixel->x),
+              float(pixel->y),
+              glm::vec3(mx),
+              glm::vec3(my),
+              axis / light,
+              {},
+              {},
+              {},
+              kLn2 * fast_log2(light),
+              1 / std::sqrt(variance),
+              dark,
+              sensor.white,
+              read,
+              &f};
+    if (by_eye) {  // moved by m, it is seen in d − nearness · m
+      const double nearness = view.surface->nearness(glm::dvec3(f.direction));
+      const glm::dmat3 moved = -nearness * (rotation * row);
+      seen.eye_x = glm::vec3(derivative[0] * moved), seen.eye_y = glm::vec3(derivative[1] * moved);
+      const glm::vec3 gradient = glm::cross(f.axis, glm::vec3(d));  // times |d|²
+      seen.eye_axis = -float(nearness / glm::dot(d, d)) * gradient / light;
+    }
+    out.push_back(seen);
   }
 }
 
-// Normal equations of w.
-struct Normal {
-  glm::dmat3 a{0.0};
-  glm::dvec3 b{0};
+// w, and the shift of the eyes where that is in doubt.
+constexpr std::size_t kUnknowns = 6;
+using Step = std::array<double, kUnknowns>;
 
-  void add(const Normal& other) { a += other.a, b += other.b; }
+glm::dvec3 turn_of(const Step& step) { return {step[0], step[1], step[2]}; }
+glm::dvec3 shift_of(const Step& step) { return {step[3], step[4], step[5]}; }
+
+// Normal equations of the first `count` unknowns.
+struct Normal {
+  std::size_t count;
+  std::array<double, kUnknowns * kUnknowns> a{};  // row by row, of `count` columns
+  Step b{};
+
+  double& at(std::size_t r, std::size_t c) { return a[count * r + c]; }
+  double at(std::size_t r, std::size_t c) const { return a[count * r + c]; }
+  void add(const Normal& other) {
+    for (std::size_t i = 0; i < count * count; ++i) a[i] += other.a[i];
+    for (std::size_t i = 0; i < count; ++i) b[i] += other.b[i];
+  }
+  // What is known before of the three unknowns from `first` on, which are at `now`.
+  void add_prior(std::size_t first, const glm::dmat3& information, const glm::dvec3& now) {
+    const glm::dvec3 pull = information * now;
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = 0; c < 3; ++c) at(first + r, first + c) += information[int(c)][int(r)];
+      b[first + r] -= pull[int(r)];
+    }
+  }
+  glm::dmat3 block(std::size_t row, std::size_t column) const {
+    glm::dmat3 m;
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t c = 0; c < 3; ++c) m[int(c)][int(r)] = at(row + r, column + c);
+    return m;
+  }
   // False where they tell nothing of a direction.
-  bool solve(glm::dvec3& w) const {
-    std::array<double, 9> matrix;
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) matrix[std::size_t(3 * r + c)] = a[c][r];
-    std::array<double, 3> step;
-    if (!solve_symmetric<3>(matrix, {b.x, b.y, b.z}, step)) return false;
-    w = {step[0], step[1], step[2]};
-    return true;
+  bool solve(Step& step) const {
+    std::array<double, kUnknowns* kUnknowns> matrix = a;
+    step = b;
+    return solve_in_place(std::span(matrix).first(count * count), std::span(step).first(count));
   }
 };
 
 // Those of one picture with the logarithm of its gain, which does not depend on the other
 // picture's.
 struct GainNormal {
-  Normal w;
-  glm::dvec3 by_gain{0};  // of w and the gain
+  Normal own{3};
+  Step by_gain{};  // of the unknowns and the gain
   double gain = 0, gain_b = 0;
 
-  // Those of w, with the gain that is best for it (Schur).
+  // Those of the unknowns, with the gain that is best for them (Schur).
   Normal without_gain() const {
-    return {w.a - glm::outerProduct(by_gain, by_gain) / gain, w.b - by_gain * (gain_b / gain)};
+    Normal n = own;
+    for (std::size_t r = 0; r < n.count; ++r) {
+      for (std::size_t c = 0; c < n.count; ++c) n.at(r, c) -= by_gain[r] * by_gain[c] / gain;
+      n.b[r] -= by_gain[r] * (gain_b / gain);
+    }
+    return n;
   }
-  double gain_step(const glm::dvec3& dw) const { return (gain_b - glm::dot(by_gain, dw)) / gain; }
+  double gain_step(const Step& step) const {
+    double sum = gain_b;
+    for (std::size_t i = 0; i < own.count; ++i) sum -= by_gain[i] * step[i];
+    return sum / gain;
+  }
 };
 using LogGains = std::array<double, kMostViews>;
 
 class Level {
  public:
+  // by_eye: whether the place of the eyes is sought, too.
   Level(const MapFeatures& map, const PictureFeatures& fine, std::span<const MapView> views,
-        int level, const AlignmentOptions& options)
-      : map_(map), fine_(fine), views_(views), level_(level), options_(options) {}
+        int level, bool by_eye, const AlignmentOptions& options)
+      : map_(map), fine_(fine), views_(views), level_(level), by_eye_(by_eye), options_(options) {}
 
   void project(const glm::dmat3& rotation) {
     seen_.clear(), begin_.clear();
     for (const MapView& view : views_) {
       begin_.push_back(seen_.size());
-      find_seen(map_, fine_, view, rotation, level_, options_, scratch_, seen_);
+      find_seen(map_, fine_, view, rotation, level_, by_eye_, options_, scratch_, seen_);
     }
     begin_.push_back(seen_.size());
     residuals_.resize(seen_.size());
   }
 
-  // Reads features at the rotation to which w leads from where they were projected, with these
-  // gains. Returns how many could be read.
-  std::size_t read(const glm::vec3& w, const LogGains& log_gains) {
+  // Reads features where a step leads from where they were projected, with these gains. Returns how
+  // many could be read.
+  std::size_t read(const Step& step, const LogGains& log_gains) {
+    const glm::vec3 w(turn_of(step)), m(shift_of(step));
     sizes_.clear();
     for (std::size_t v = 0; v + 1 < begin_.size(); ++v) {
       const LightPyramid& light = *views_[v].light;
       const float log_gain = float(log_gains[v]);
       for (std::size_t i = begin_[v]; i < begin_[v + 1]; ++i) {
         const Seen& s = seen_[i];
-        const float value =
-            light.read(s.level, s.x + glm::dot(s.move_x, w), s.y + glm::dot(s.move_y, w));
+        float x = s.x + glm::dot(s.move_x, w), y = s.y + glm::dot(s.move_y, w);
+        if (by_eye_) x += glm::dot(s.eye_x, m), y += glm::dot(s.eye_y, m);
+        const float value = light.read(s.level, x, y);
         if (!(value >= 0 && value <= 1)) {
           residuals_[i] = std::numeric_limits<float>::quiet_NaN();
           continue;
@@ -277,29 +335,7 @@ class Level {
   }
 
   GainNormal normal(std::size_t view, float scale) const {
-    const float cut = kTukey * scale, inverse = 1 / (cut * cut);
-    float sums[14] = {};
-    for (std::size_t i = begin_[view]; i < begin_[view + 1]; ++i) {
-      const float r = residuals_[i];
-      const float t = 1 - r * r * inverse;
-      if (!(t > 0)) continue;
-      const float deviation = seen_[i].inverse_deviation, weight = t * t;
-      const float j[4] = {-seen_[i].axis.x * deviation, -seen_[i].axis.y * deviation,
-                          -seen_[i].axis.z * deviation, deviation};
-      int k = 0;
-      for (int a = 0; a < 4; ++a)
-        for (int b = 0; b <= a; ++b) sums[k++] += weight * j[a] * j[b];
-      for (int a = 0; a < 4; ++a) sums[k++] += weight * j[a] * r;
-    }
-    GainNormal n;
-    int k = 0;
-    for (int a = 0; a < 3; ++a)
-      for (int b = 0; b <= a; ++b) n.w.a[a][b] = n.w.a[b][a] = double(sums[k++]);
-    for (int a = 0; a < 3; ++a) n.by_gain[a] = double(sums[k++]);
-    n.gain = double(sums[k++]);
-    for (int a = 0; a < 3; ++a) n.w.b[a] = double(sums[k++]);
-    n.gain_b = double(sums[k++]);
-    return n;
+    return by_eye_ ? normal_of<6>(view, scale) : normal_of<3>(view, scale);
   }
 
   // Drift of the map where the features are.
@@ -336,10 +372,41 @@ class Level {
   }
 
  private:
+  template <int Count>
+  GainNormal normal_of(std::size_t view, float scale) const {
+    constexpr int kAll = Count + 1;  // and the gain
+    const float cut = kTukey * scale, inverse = 1 / (cut * cut);
+    float sums[kAll * (kAll + 1) / 2 + kAll] = {};
+    for (std::size_t i = begin_[view]; i < begin_[view + 1]; ++i) {
+      const float r = residuals_[i];
+      const float t = 1 - r * r * inverse;
+      if (!(t > 0)) continue;
+      const float deviation = seen_[i].inverse_deviation, weight = t * t;
+      float j[kAll];
+      for (int a = 0; a < 3; ++a) j[a] = -seen_[i].axis[a] * deviation;
+      for (int a = 3; a < Count; ++a) j[a] = -seen_[i].eye_axis[a - 3] * deviation;
+      j[Count] = deviation;
+      int k = 0;
+      for (int a = 0; a < kAll; ++a)
+        for (int b = 0; b <= a; ++b) sums[k++] += weight * j[a] * j[b];
+      for (int a = 0; a < kAll; ++a) sums[k++] += weight * j[a] * r;
+    }
+    GainNormal n{{Count}};
+    int k = 0;
+    for (std::size_t a = 0; a < Count; ++a)
+      for (std::size_t b = 0; b <= a; ++b) n.own.at(a, b) = n.own.at(b, a) = double(sums[k++]);
+    for (std::size_t a = 0; a < Count; ++a) n.by_gain[a] = double(sums[k++]);
+    n.gain = double(sums[k++]);
+    for (std::size_t a = 0; a < Count; ++a) n.own.b[a] = double(sums[k++]);
+    n.gain_b = double(sums[k++]);
+    return n;
+  }
+
   const MapFeatures& map_;
   const PictureFeatures& fine_;
   std::span<const MapView> views_;
   int level_;
+  bool by_eye_;
   const AlignmentOptions& options_;
   std::vector<Candidate> scratch_;
   std::vector<Seen> seen_;
@@ -350,26 +417,31 @@ class Level {
 }  // namespace
 
 std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFeatures& fine,
-                                        std::span<const MapView> views, const glm::dmat3& start,
+                                        std::span<const MapView> given, const glm::dmat3& start,
                                         const RotationPrior& prior,
                                         const AlignmentOptions& options) {
-  check(views.size() <= kMostViews, "an alignment is of ", kMostViews, " pictures at most, got ",
-        views.size());
+  check(given.size() <= kMostViews, "an alignment is of ", kMostViews, " pictures at most, got ",
+        given.size());
   Alignment out;
   out.rotation = start;
   LogGains log_gains{};
+  const bool by_eye = prior.place_information.has_value();
+  std::array<MapView, kMostViews> moved_views;
+  std::copy(given.begin(), given.end(), moved_views.begin());
+  const std::span views = std::span(moved_views).first(given.size());
   // Of rotation = prior.rotation · exp([from_prior]×), to first order.
   glm::dvec3 from_prior = rotation_vector(glm::transpose(prior.rotation) * start);
   for (int k = options.coarsest; k >= 0; --k) {
-    Level level(map, fine, views, k, options);
+    Level level(map, fine, views, k, by_eye, options);
     level.project(out.rotation);
-    glm::dvec3 w(0);  // since features were projected
+    Step step{};  // since features were projected
     const auto move = [&] {
-      out.rotation = out.rotation * rotation_from_vector(w);
-      from_prior += w;
-      w = glm::dvec3(0);
+      out.rotation = out.rotation * rotation_from_vector(turn_of(step));
+      from_prior += turn_of(step), out.moved += shift_of(step);
+      for (MapView& view : views) view.eye += shift_of(step);
+      step = {};
     };
-    std::size_t count = level.read(glm::vec3(0), log_gains);
+    std::size_t count = level.read(step, log_gains);
     if (count < kFewest) {
       if (k == 0) return std::nullopt;
       continue;
@@ -377,43 +449,52 @@ std::optional<Alignment> align_rotation(const MapFeatures& map, const PictureFea
     double scale = level.scale();
     double s2 = 0;  // divides what features tell
     std::array<GainNormal, kMostViews> normals;
-    // What each picture tells, with what is known of its gain.
-    const auto add_up = [&] {
+    // What the pictures tell, with what is known of their gains, of the rotation and of the place.
+    const auto added_up = [&] {
       s2 = scale * scale / options.independent;
       const double known = s2 / (options.gain_deviation * options.gain_deviation);
+      Normal all{by_eye ? kUnknowns : std::size_t{3}};
+      all.add_prior(0, s2 * prior.information, from_prior + turn_of(step));
+      if (by_eye) all.add_prior(3, s2 * *prior.place_information, out.moved + shift_of(step));
       for (std::size_t v = 0; v < views.size(); ++v) {
         normals[v] = level.normal(v, float(scale));
         normals[v].gain += known, normals[v].gain_b -= known * log_gains[v];
+        all.add(normals[v].without_gain());
       }
+      return all;
     };
     for (int round = 0; round < options.rounds; ++round) {
-      add_up();
-      Normal n{s2 * prior.information, -s2 * (prior.information * (from_prior + w))};
-      for (std::size_t v = 0; v < views.size(); ++v) n.add(normals[v].without_gain());
-      glm::dvec3 dw;
-      if (!n.solve(dw)) return std::nullopt;
-      w += dw;
-      for (std::size_t v = 0; v < views.size(); ++v) log_gains[v] += normals[v].gain_step(dw);
-      if (glm::length(w) > double(kRelinearise)) {
+      const Normal n = added_up();
+      Step next{};
+      if (!n.solve(next)) return std::nullopt;
+      for (std::size_t i = 0; i < n.count; ++i) step[i] += next[i];
+      for (std::size_t v = 0; v < views.size(); ++v) log_gains[v] += normals[v].gain_step(next);
+      if (glm::length(turn_of(step)) > double(kRelinearise) ||
+          glm::length(shift_of(step)) > double(kRelinearise)) {
         move();
         level.project(out.rotation);
       }
-      count = level.read(glm::vec3(w), log_gains);
+      count = level.read(step, log_gains);
       if (count < kFewest) return std::nullopt;
       scale = level.scale();
-      if (glm::length(dw) < double(kDone)) break;
+      if (glm::length(turn_of(next)) < double(kDone) && glm::length(shift_of(next)) < double(kDone))
+        break;
     }
     move();
     if (k > 0) continue;
-    add_up();
-    out.information = prior.information;
-    for (std::size_t v = 0; v < views.size(); ++v)
-      out.information += normals[v].without_gain().a / s2;
+    const Normal all = added_up();
+    const glm::dmat3 turn = all.block(0, 0) / s2;
+    out.information = turn;
+    if (by_eye) {  // each without knowing the other (Schur)
+      const glm::dmat3 place = all.block(3, 3) / s2, both = all.block(0, 3) / s2;
+      out.information -= both * glm::inverse(place) * glm::transpose(both);
+      out.place_covariance = glm::inverse(place - glm::transpose(both) * glm::inverse(turn) * both);
+    }
     out.residual = scale, out.features = int(count), out.agreeing = level.agreeing(scale);
     out.drift = level.drift();
     if (options.note) level.note(scale);
   }
-  for (std::size_t v = 0; v < views.size(); ++v) out.gains[v] = std::exp(log_gains[v]);
+  for (std::size_t v = 0; v < given.size(); ++v) out.gains[v] = std::exp(log_gains[v]);
   return out;
 }
 

@@ -28,6 +28,9 @@ struct AlignmentOptions {
 struct RotationPrior {
   glm::dmat3 rotation{1.0};     // rig_from_marker
   glm::dmat3 information{0.0};  // of w in rotation · exp([w]×): 1 / rad²
+  // By how far the views' eyes are off, all alike, 1 / metres²: near things tell that, too.
+  // std::nullopt: their places are known.
+  std::optional<glm::dmat3> place_information = {};
 };
 
 struct Alignment {
@@ -38,6 +41,8 @@ struct Alignment {
   double agreeing = 0;  // share of the features' weight that agrees within 3 of these
   int features = 0;     // features that took part
   double drift = 0;     // variance of the rotation of the features themselves, rad²
+  glm::dvec3 moved{0};  // metres, marker frame: of the views' eyes, where their place was in doubt
+  glm::dmat3 place_covariance{0.0};  // of that, metres²
   // The factor by which each picture is brighter than the map says.
   std::array<double, kMostViews> gains{1, 1};
 };

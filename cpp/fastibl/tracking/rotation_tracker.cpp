@@ -33,6 +33,8 @@ constexpr double kBlank =
 constexpr double kSameMoment = 2e-3;
 constexpr double kLongestStep = 0.3;      // seconds between poses that give a velocity
 constexpr double kKnown = 3e-4;           // radians: deviation of a known pose
+constexpr double kKnownPlace = 1e-3;      // metres: likewise
+constexpr double kFoundPlace = 0.01;      // likewise of one that rests on near things: no sphere
 constexpr double kUnknownVelocity = 1.0;  // rad/s
 // Largest eigenvalue of a symmetric positive matrix.
 double largest_eigenvalue(const glm::dmat3& m) {
@@ -64,6 +66,10 @@ bool shows_something(const MapView& view) {
   }
   const double count = double(std::max<std::size_t>(level.light.size(), 1)), mean = sum / count;
   return squares / count - mean * mean > kBlank * kBlank;
+}
+
+Pose pose_at(const glm::dmat3& rotation, const glm::dvec3& eye) {
+  return {rotation, -(rotation * eye)};
 }
 
 Rig validated(Rig rig) {
@@ -163,7 +169,7 @@ void RotationTracker::start(const Pose& back_from_marker, double time, const Rig
                    glm::dvec3(0)};
   }
   if (pictures.velocity) state_->velocity = *pictures.velocity;
-  eye_ = back_from_marker.inverse().translation;
+  eye_ = back_from_marker.inverse().translation, place_ = glm::dmat3(kKnownPlace * kKnownPlace);
   // What the pictures show is then off by as much as the pose is, all of it alike.
   known_ = found_ = time, last_drift_ = found_drift_ = variance, contradicted_ = false;
   add_features(views(pictures, &*state_, back_from_marker));
@@ -244,19 +250,20 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
 }
 
 // Nothing where the rotation is less sure than it must be. drift: variance.
-std::optional<Turned> RotationTracker::turned(const glm::dmat3& rotation,
+std::optional<Turned> RotationTracker::turned(const Pose& back_from_marker,
                                               const glm::dmat3& covariance, double drift,
                                               double time) const {
+  const glm::dmat3& rotation = back_from_marker.rotation;
   const double most = options_.largest_error * kDegree;
   if (!(largest_eigenvalue(covariance) + drift <= most * most)) return std::nullopt;
   Turned out;
-  out.back_from_marker = {rotation, -(rotation * eye_)};
+  out.back_from_marker = back_from_marker;
   const glm::dmat3 seen = rotation * (covariance + glm::dmat3(drift)) * glm::transpose(rotation);
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) out.covariance[std::size_t(3 * r + c)] = seen[c][r];
   out.drift = std::sqrt(drift);
   out.since = time - known_;
-  out.position_deviation = options_.wander * std::sqrt(std::max(0.0, out.since));
+  out.position_deviation = std::sqrt(largest_eigenvalue(place_));
   out.velocity = state_->velocity;
   return out;
 }
@@ -290,8 +297,8 @@ std::optional<Turned> RotationTracker::judged(const Alignment& found, double tim
   if (!(found.residual <= most * options_.largest_residual &&
         found.agreeing >= std::max(least, options_.least_agreeing)))
     return std::nullopt;
-  std::optional<Turned> out =
-      turned(orthonormal(found.rotation), glm::inverse(found.information), found.drift, time);
+  std::optional<Turned> out = turned(pose_at(orthonormal(found.rotation), eye_ + found.moved),
+                                     glm::inverse(found.information), found.drift, time);
   if (!out) return std::nullopt;
   out->residual = found.residual, out->agreeing = found.agreeing, out->features = found.features;
   return out;
@@ -306,16 +313,17 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   check(environment.radiance.size() > 0, "the environment has no map");
   environment.validate();
   if (!state_) return std::nullopt;
+  place_ += glm::dmat3(options_.wander * options_.wander * (time - state_->time));
   state_ = predicted(time, turn, turn_variance);
   if (time - found_ > options_.longest_gap && !turn) {
     reset();
     return std::nullopt;
   }
   features_.update(environment, last_drift_);
-  const Pose expected_pose{state_->rotation, -(state_->rotation * eye_)};
-  const std::vector<MapView> seen = views(pictures, &*state_, expected_pose);
+  std::vector<MapView> seen = views(pictures, &*state_, pose_at(state_->rotation, eye_));
   if (seen.empty()) return std::nullopt;
-  const RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
+  RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
+  if (!(surface_ == MapSurface{})) prior.place_information = glm::inverse(place_);
   std::optional<Alignment> found;
   std::optional<Turned> result;
   for (int attempt = 0; attempt < kAttempts && !result; ++attempt) {
@@ -334,6 +342,12 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     result.reset();
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
+    if (prior.place_information) {
+      eye_ += found->moved;
+      place_ = found->place_covariance;
+      for (MapView& view : seen) view.eye += found->moved;
+      result->position_deviation = std::hypot(std::sqrt(largest_eigenvalue(place_)), kFoundPlace);
+    }
     result->velocity = state_->velocity;
     const bool back = !pictures.back.empty();
     if (back) result->back_gain = found->gains[0];
@@ -341,7 +355,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
     found_ = time, found_drift_ = found->drift, contradicted_ = false;
     fine_.forget_missed();
   } else if ((turn || time - found_ <= kSameMoment) && !contradicted_) {
-    result = turned(state_->rotation, state_->ww, found_drift_, time);
+    result = turned(pose_at(state_->rotation, eye_), state_->ww, found_drift_, time);
   }
   if (!result) return std::nullopt;
   last_drift_ = mean_variance(state_->ww) + found_drift_;

@@ -48,8 +48,8 @@ struct RigPictures {
 };
 
 // A pose that rests on the map and not on the board: the rotation is measured, and the camera's
-// place is where the board was last seen from. Where nothing of the map is to be seen, residual,
-// agreeing and gains are 0, 0 and 1.
+// place is where the board was last seen from, moved as near surroundings show. Where nothing of
+// the map is to be seen, residual, agreeing and gains are 0, 0 and 1.
 struct Turned {
   Pose back_from_marker;
   // Covariance of w, where the true rotation is exp([w]×) R: rad², back camera's frame, row major;
@@ -124,7 +124,7 @@ class RotationTracker {
   std::optional<Turned> judged(const Alignment& found, double time) const;
   bool is_only_one(const Alignment& found, const RotationPrior& prior,
                    const std::vector<MapView>& seen) const;
-  std::optional<Turned> turned(const glm::dmat3& rotation, const glm::dmat3& covariance,
+  std::optional<Turned> turned(const Pose& back_from_marker, const glm::dmat3& covariance,
                                double drift, double time) const;
 
   Rig rig_;
@@ -140,6 +140,7 @@ class RotationTracker {
   MapSurface surface_;
   std::optional<State> state_;  // of the last frame, whether or not it gave a result
   glm::dvec3 eye_{0};           // of the back camera, marker frame, metres
+  glm::dmat3 place_{0.0};       // covariance of that since a pose was known, metres²
   double known_ = 0;            // seconds: when a pose was last known
   double found_ = 0;            // and when one was last found
   // Variances of the drift: of what is seen now, and of the map where a rotation was last found.
