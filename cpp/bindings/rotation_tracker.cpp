@@ -43,8 +43,8 @@ void bind_turned(py::module_& module) {
                      R"(A pose that rests on the captured map: the board is out of view.
 
 The rotation is measured; the camera's place is the one from which the board was last seen, or, where the surroundings
-are near, as they show it. Where nothing of the map can
-be seen, the rotation is a gyroscope's alone: features, residual and agreeing are 0.)")
+are near, as they show it. Where nothing of the map can be seen, the rotation is a gyroscope's alone: features, residual
+and agreeing are 0.)")
       .def_readonly("back_from_marker", &Turned::back_from_marker, "Pose.")
       .def_property_readonly(
           "covariance",

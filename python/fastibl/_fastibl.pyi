@@ -1496,8 +1496,8 @@ class Turned:
     A pose that rests on the captured map: the board is out of view.
 
     The rotation is measured; the camera's place is the one from which the board was last seen, or, where the surroundings
-    are near, as they show it. Where nothing of the map can
-    be seen, the rotation is a gyroscope's alone: features, residual and agreeing are 0.
+    are near, as they show it. Where nothing of the map can be seen, the rotation is a gyroscope's alone: features, residual
+    and agreeing are 0.
     """
     __hash__: typing.ClassVar[None]  # type: ignore[assignment]
     def __eq__(self, arg0: object) -> bool:

@@ -7,6 +7,7 @@
 
 #include "fastibl/capture/capture.h"
 #include "fastibl/core/check.h"
+#include "fastibl/core/parallel.h"
 
 namespace fastibl {
 namespace {
@@ -54,16 +55,18 @@ void Capture::resample(const TexelState& old, const Source& source) {
     state_.bound[to] = bound;
     state_.last_seen.texels(tile)[k] = seen;
   };
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    if (!unseen_.above(tile)) continue;
-    const FaceRect r = tile_rect(grid_, tile);
-    int k = 0;
-    for (int y = r.y0; y < r.y1; ++y)
-      for (int x = r.x0; x < r.x1; ++x, ++k) {
-        const glm::vec3 d = glm::normalize(texel_direction(r.face, x, y, grid_.size));
-        if (d.z > 0) take(tile, k, source(tile, d));
-      }
-  }
+  parallel_for(grid_.count(), 32, [&](int begin, int end) {
+    for (int tile = begin; tile < end; ++tile) {
+      if (!unseen_.above(tile)) continue;
+      const FaceRect r = tile_rect(grid_, tile);
+      int k = 0;
+      for (int y = r.y0; y < r.y1; ++y)
+        for (int x = r.x0; x < r.x1; ++x, ++k) {
+          const glm::vec3 d = glm::normalize(texel_direction(r.face, x, y, grid_.size));
+          if (d.z > 0) take(tile, k, source(tile, d));
+        }
+    }
+  });
 }
 
 void Capture::turn(const glm::dmat3& new_from_old) {
@@ -102,14 +105,22 @@ void Capture::move_to(double distance) {
     const TexelPlace at = texel_at(glm::vec3(direction), grid_.size);
     return std::size_t(tile_place(grid_, at.face, at.x, at.y).tile);
   };
+  // For tiles that were not seen, the mean of where others were seen from: what belongs there was
+  // recorded beside it.
+  glm::dvec3 usual_eye(0);
+  double seen = 0;
+  for (std::size_t i = 0; i < eyes_.size(); ++i)
+    if (sums_[i].count > 0) usual_eye += eyes_[i], ++seen;
+  if (seen > 0) usual_eye /= seen;
   // Where a point was recorded depends on where its tile was seen from, and that on the tile.
   const auto recorded_in = [&](int tile, const glm::dvec3& direction) {
     const glm::dvec3 point = options_.centre + std::min(distance, kFarAway) * direction;
     glm::dvec3 there = direction;
     for (int round = 0; round < kRounds; ++round) {
       const std::size_t from = round == 0 ? std::size_t(tile) : tile_of(there);
-      if (!std::isfinite(eyes_[from].x)) return direction;
-      there = before.surface().recorded(eyes_[from], glm::normalize(point - eyes_[from]));
+      const glm::dvec3& eye = sums_[from].count > 0 ? eyes_[from] : usual_eye;
+      if (!std::isfinite(eye.x)) return direction;
+      there = before.surface().recorded(eye, glm::normalize(point - eye));
     }
     return there;
   };

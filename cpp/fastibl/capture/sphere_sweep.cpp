@@ -92,6 +92,7 @@ void SphereSweep::add(const PixelReader& pixels, const Camera& camera, const Len
   }
   View view = small_view(pixels, camera, lens, poses, vignette, mask);
   if (best) compare(view, *best);
+  if (!wants_more()) return std::vector<View>().swap(views_);
   if (views_.size() == kViews) views_.erase(views_.begin());
   views_.push_back(std::move(view));
 }
