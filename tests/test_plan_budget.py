@@ -302,6 +302,35 @@ def test_what_is_not_known_of_captured_light_is_stated_by_itself(scene):
     assert f"{100 * captured:.2g} %, whatever the methods" in str(result.plan)
 
 
+def captured_plans(scene, dark=0, **options):
+    """Results of the first frames of a room whose light is captured; the first `dark` of them show nothing."""
+    film = fastibl.simulate(seconds=0.4, fps=10, seed=1, size=(160, 120), lamp=False)
+    session = fastibl.Session(scene, film.rig, None, **options)
+    for k, frame in enumerate(film):
+        back, front = (np.asarray(picture) * np.uint8(k >= dark) for picture in (frame.back, frame.front))
+        exposures = frame.back_exposure, frame.front_exposure
+        yield session.process(fastibl.Frame(frame.time, back, front, *exposures, film.truth.pose(frame.time)))
+
+
+@pytest.mark.parametrize("budget", [{"error": 0.02}, {"error": None, "milliseconds": 8.0}], ids=["error", "time"])
+def test_the_first_picture_of_captured_light_is_drawn_by_chosen_methods(scene, budget):
+    """They were chosen for the second one: the first came without an error, and the second looked different."""
+    first, second = list(captured_plans(scene, **budget))[:2]
+    assert first.passes[:3] == ["capture", "mips", "irradiance"]
+    assert first.plan.best_error is not None and first.plan.assured_error > 0
+    assert first.plan.best_error == second.plan.best_error and first.plan.methods == second.plan.methods
+    given = fastibl.make_plan(scene, first.environment, **budget)
+    print(f"first frame {first.plan.best_error:.4f}, its map given {given.best_error:.4f}")
+    assert first.plan.best_error == pytest.approx(given.best_error, rel=0.5)  # whose light stays
+
+
+def test_methods_are_chosen_as_soon_as_there_is_light(scene):
+    """A map that holds no light says nothing of methods, and must not put off their choice."""
+    plans = [result.plan for result in captured_plans(scene, dark=1)]
+    assert plans[0].best_error is None  # of no light, nothing is wrong
+    assert all(plan.best_error is not None for plan in plans[1:])
+
+
 def test_methods_stay_while_the_light_does(scene):
     session = fastibl.Session(scene, fastibl.Rig(camera_of(64, 48, 45.0)), environment=room(), error=0.02)
     plans = {repr(r.plan.methods) for r in frames(session, 6)}

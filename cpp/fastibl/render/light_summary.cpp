@@ -30,6 +30,13 @@ LightSummary summary_of(const CubeMap& map) {
   return light;
 }
 
+bool has_light(const CubeMap& map) {
+  const CubeLevel& top = map.level(map.level_count() - 1);
+  for (int f = 0; f < 6; ++f)
+    if (top.texel(f, 0, 0) != glm::vec3(0)) return true;
+  return false;
+}
+
 float difference(const LightSummary& a, const LightSummary& b) {
   float off = 0, all = 0;
   for (std::size_t f = 0; f < a.faces.size(); ++f)

@@ -14,6 +14,8 @@ struct LightSummary {
 };
 LightSummary summary_of(const CubeMap& map);
 
+bool has_light(const CubeMap& map);
+
 // Share of their light by which the maps differ, summed face by face.
 float difference(const LightSummary& a, const LightSummary& b);
 

@@ -129,7 +129,7 @@ void Session::make_stale() {
 
 void Session::choose_methods() {
   const bool hurried = options_.milliseconds > 0;  // one late frame is better than many
-  if (judge_.due() && environment_ && (options_.error > 0 || hurried)) {
+  if (judge_.due() && lit() && (options_.error > 0 || hurried)) {
     CandidateOptions choice = candidate_options(scene_, *environment_);
     choice.light_stays = !light_moves(), choice.hurried = hurried;
     choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
@@ -154,6 +154,8 @@ const Camera& Session::drawn_camera() const {
   const Camera* texture = renderer_->texture_camera();
   return texture ? *texture : rig_.back;
 }
+
+bool Session::lit() const { return environment_ && has_light(environment_->radiance); }
 
 bool Session::light_moves() const { return !fixed_environment_ || stream_.moves(); }
 
@@ -434,6 +436,20 @@ void Session::run_passes(const std::vector<PassId>& due, const Frame& frame, Fra
   }
 }
 
+bool Session::is_due(PassId id, Products wanted) const {
+  Products after = stale_;
+  const std::vector<PassId> due = due_passes(plan_, wanted, after);
+  return std::find(due.begin(), due.end(), id) != due.end();
+}
+
+// Makes the map, and chooses methods for the first light before anything is made of it. Else the
+// first picture would be drawn by methods that nobody judged, and the second one by others.
+void Session::see_first_light(const Frame& frame, FrameResult& result, const Pose& drawn_from) {
+  run_passes(due_passes(plan_, product::radiance, stale_), frame, result, drawn_from);
+  choose_methods();
+  if (environment_) stale_ &= ~product::radiance;  // no method changes the map
+}
+
 // Runs the passes that are due. Where light is made in turns, what pictures made stale is held for
 // its turn.
 void Session::run_due(const Frame& frame, FrameResult& result) {
@@ -459,6 +475,8 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   // caller gets its light.
   const bool told = tracker_.turned();
   if (told) wanted |= product::radiance | product::irradiance;
+  if (!fixed_environment_ && !lit() && is_due(PassId::mips, wanted))
+    see_first_light(frame, result, drawn_from);
   run_passes(due_passes(plan_, wanted, stale_), frame, result, drawn_from);
   if (told && !in_turns_) ensure_lighting();
   if (lights)
@@ -491,6 +509,7 @@ void Session::process(const Frame& given, FrameResult& result) {
   const OneThread loops(options_.milliseconds > 0 ? Loops::alone : Loops::together);
   const Stopwatch total;
   const ProcessorClock processor;
+  const bool was_lit = lit();
 
   choose_turn(frame);
   // Tracking decides what else can be done, so it runs by itself.
@@ -521,7 +540,8 @@ void Session::process(const Frame& given, FrameResult& result) {
     result.predicted_error = std::hypot(environment_->predicted_error, method);
   }
   result.timings["total"] = total.seconds();
-  watch_time(1e3 * processor.seconds());
+  // In the first light methods are judged, and all that is kept is made.
+  if (was_lit) watch_time(1e3 * processor.seconds());
 }
 
 }  // namespace fastibl

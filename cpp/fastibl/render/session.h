@@ -111,6 +111,7 @@ class Session {
   void set_renderer(std::unique_ptr<Renderer> renderer);
 
  private:
+  bool lit() const;          // whether there is a map that holds light
   bool light_moves() const;  // whether it is captured, or given frame after frame
   void replan();             // after a change of what is asked for: makes stale what depends on it
   void judge_anew();         // the same after a change of the light
@@ -133,6 +134,8 @@ class Session {
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_passes(const std::vector<PassId>& due, const Frame& frame, FrameResult& result,
                   const Pose& drawn_from);
+  bool is_due(PassId id, Products wanted) const;  // whether it would run now
+  void see_first_light(const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_due(const Frame& frame, FrameResult& result);
 
   Scene scene_;
