@@ -138,6 +138,52 @@ def test_brackets_merge_a_lamp(order):
     assert env.clipped < 0.005
 
 
+def lamp_by_views(seed, radius, count=5, lamp=1000.0, size=64):
+    """Energies of a lamp in the maps of single pictures of it, and in the map of all of them; 1 is the truth."""
+    towards = np.array([0.5, 0.3, 0.8]) + 0.05 * np.random.default_rng(seed).normal(size=3)
+    radiance, axis = with_lamp(1.0, lamp, towards, np.radians(radius))
+    camera, exposure = camera_of(256, 256, 100.0), 0.5 / lamp
+    near = fastibl.texel_directions(size) @ axis > np.cos(np.radians(radius + 4))
+    angles = np.broadcast_to(fastibl.texel_solid_angles(size), near.shape)[near]
+    pictures = []
+    for k in range(count):  # the lamp up to 25 degrees off the middle
+        turn, off = 2 * np.pi * k / count, np.tan(np.radians(25)) * (0.3 + 0.7 * k / count)
+        pose = looking(axis + off * np.array([np.cos(turn), np.sin(turn), 0]), eye=CENTRE)
+        pictures.append((exposed(picture_of(radiance, camera, pose, split=4), camera, exposure), pose))
+
+    def energy(chosen):
+        capture = fastibl.Capture(size=size, centre=CENTRE)
+        for k, (image, pose) in enumerate(chosen):
+            capture.add(image, camera, pose, exposure=exposure, time=0.03 * k)
+        found = capture.environment().radiance.faces[near].mean(axis=-1)
+        return (found - 1) @ angles / (lamp * 2 * np.pi * (1 - np.cos(np.radians(radius))))
+
+    return [energy([one]) for one in pictures], energy(pictures)
+
+
+def test_a_lamp_seen_by_many_pictures_has_the_energy_that_they_show():
+    """At its rim they differ, because their footprints do. Where the last one replaced what differed, and darker
+    samples counted for more, the lamp was that of no picture."""
+    off = []
+    for seed in range(6):
+        singles, merged = lamp_by_views(seed, 3.0)
+        off.append(merged - np.mean(singles))
+        assert min(singles) - 0.003 < merged < max(singles) + 0.003
+    print(f"merged less the mean of single pictures: RMS {np.sqrt(np.mean(np.square(off))):.4f}")
+    assert np.sqrt(np.mean(np.square(off))) < 0.0025
+
+
+def test_a_lamp_that_fills_most_of_a_tile_has_a_rim():
+    """It is hardly brighter than the tile's mean: only the dark part tells that an edge is there. Read finely, texels
+    at the edge share the lamp's light among them."""
+    found = []
+    for radius in (6.0, 9.0, 12.0):
+        singles, merged = lamp_by_views(1, radius)
+        found += [*singles, merged]
+    print(f"energy {min(found):.4f} to {max(found):.4f}")
+    assert max(abs(e - 1) for e in found) < 0.01
+
+
 @pytest.mark.parametrize("black, white", [(7, 255), (10, 255), (16, 235)])
 def test_levels_of_a_camera_are_taken_off(black, white):
     """Brackets of a lamp and a wall by a camera that lifts black and, as video does, lowers white: 12 looks each."""

@@ -511,7 +511,10 @@ bool Capture::look(const View& view, const Depth& depth, int count, bool fine, S
   const bool rim = sample_footprints(levels_, sightings, count, view.light, fine, samples);
   if (view.untint != glm::vec3(1))
     for (int c = 0; c < 3; ++c)
-      for (int i = 0; i < lanes_of(count); ++i) samples.linear[c][i] *= view.untint[c];
+      for (int i = 0; i < lanes_of(count); ++i) {
+        samples.linear[c][i] *= view.untint[c];
+        if (samples.fine) samples.spread[c][i] *= view.untint[c];
+      }
   if (!view.known.vignettes())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
   else

@@ -3,13 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "fastibl/core/simd.h"
 
 namespace fastibl {
 namespace {
 
-constexpr float kContrast = 2;  // ratio of a group's brightest texel to the mean, at a lamp's rim
+// At a lamp's rim: ratio of a group's brightest texel to the mean, or to the darkest, where the
+// lamp fills most of the group.
+constexpr float kContrast = 2, kWholeContrast = 4;
 constexpr float kClippedShare = 0.01f;  // of a footprint: more makes the sample a lower bound
 // A bilinear look-up on a level with pixels of size c averages over about 1.5 c. So level 0, which
 // has c = 2, is for footprints of 2√2 pixels along an edge. In the middle half of the way between
@@ -159,9 +162,9 @@ template <typename V>
 FASTIBL_INLINE bool shows_light_by(const float (*__restrict linear)[kTexelLanes],
                                    const int* __restrict seen, int lanes, float light) {
   const V none = {}, one = none + 1.0f;
-  float sum = 0, count = 0, most = 0;
+  float sum = 0, count = 0, most = 0, least = 1e30f;
   for (int part = 0; part < 16; part += kFloatsIn<V>) {
-    V values = none, counts = none, highest = none;
+    V values = none, counts = none, highest = none, lowest = none + least;
     for (int i = part; i < lanes; i += 16) {
       const auto shown = ints_at<V>(seen + i) != 0;
       const V all =
@@ -169,11 +172,16 @@ FASTIBL_INLINE bool shows_light_by(const float (*__restrict linear)[kTexelLanes]
       const V value = shown ? all : none;
       values += value, counts += shown ? one : none;
       highest = value > highest ? value : highest;
+      const V dark = shown ? all : none + 1e30f;
+      lowest = dark < lowest ? dark : lowest;
     }
     add_each(values, sum), add_each(counts, count);
-    for (int k = 0; k < kFloatsIn<V>; ++k) most = highest[k] > most ? highest[k] : most;
+    for (int k = 0; k < kFloatsIn<V>; ++k) {
+      most = highest[k] > most ? highest[k] : most;
+      least = lowest[k] < least ? lowest[k] : least;
+    }
   }
-  return most > 3 * light && most * count > kContrast * sum;
+  return most > 3 * light && (most * count > kContrast * sum || most > kWholeContrast * least);
 }
 FASTIBL_BY_WIDTH(bool shows_light(const float (*linear)[kTexelLanes], const int* seen, int lanes,
                                   float light),
@@ -199,6 +207,10 @@ void sample_whole(const FrameLevels& levels, const Sightings& s, int count, Samp
 void sample_quarters(const FrameLevels& levels, const Sightings& s, int count, Samples& out) {
   const int lanes = lanes_of(count);
   Samples part, sum{};
+  alignas(64) float least[3][kTexelLanes], most[3][kTexelLanes];
+  for (int c = 0; c < 3; ++c)
+    std::fill_n(least[c], lanes, std::numeric_limits<float>::infinity()),
+        std::fill_n(most[c], lanes, 0.0f);
   Sightings of;
   for (const float down : {-0.25f, 0.25f})
     for (const float right : {-0.25f, 0.25f}) {
@@ -206,7 +218,10 @@ void sample_quarters(const FrameLevels& levels, const Sightings& s, int count, S
       sample_whole(levels, of, count, part);
       for (int c = 0; c < 3; ++c)
         for (int i = 0; i < lanes; ++i) {
-          sum.linear[c][i] += 0.25f * part.linear[c][i];
+          const float value = part.linear[c][i];
+          sum.linear[c][i] += 0.25f * value;
+          least[c][i] = value < least[c][i] ? value : least[c][i];
+          most[c][i] = value > most[c][i] ? value : most[c][i];
           if (part.any_clipped) sum.clipped[c][i] |= part.clipped[c][i];
         }
       sum.any_clipped |= part.any_clipped;
@@ -214,6 +229,7 @@ void sample_quarters(const FrameLevels& levels, const Sightings& s, int count, S
   for (int c = 0; c < 3; ++c) {
     std::copy_n(sum.linear[c], lanes, out.linear[c]);
     std::copy_n(sum.clipped[c], lanes, out.clipped[c]);
+    for (int i = 0; i < lanes; ++i) out.spread[c][i] = most[c][i] - least[c][i];
   }
   out.any_clipped = sum.any_clipped;
 }
@@ -231,7 +247,8 @@ bool sample_footprints(const FrameLevels& levels, const Sightings& s, int count,
                        bool fine, Samples& out) {
   sample_whole(levels, s, count, out);
   const bool rim = shows_light(out.linear, s.seen, lanes_of(count), light);
-  if (rim || fine) sample_quarters(levels, s, count, out);
+  out.fine = rim || fine;
+  if (out.fine) sample_quarters(levels, s, count, out);
   return rim;
 }
 

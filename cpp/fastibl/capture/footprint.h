@@ -9,10 +9,10 @@ namespace fastibl {
 
 // Number of levels that footprints of up to this many pixels read.
 int levels_for(float most_pixels);
-// Fills `linear`, `clipped` and `any_clipped` of `samples` where texels were seen. light: a linear
-// value. A group of texels at the rim of something brighter than that is read more finely, and so
-// is one for which another exposure showed this (`fine`): footprints of one shape agree. True if
-// this picture shows it.
+// Fills `linear`, `clipped`, `spread` and the flags of `samples` where texels were seen. light: a
+// linear value. A group of texels at the rim of something brighter than that is read more finely,
+// and so is one for which another exposure showed this (`fine`): footprints of one shape agree.
+// True if this picture shows it.
 bool sample_footprints(const FrameLevels& levels, const Sightings& sightings, int count,
                        float light, bool fine, Samples& samples);
 

@@ -17,9 +17,12 @@ constexpr float kLongest = 1.0f;
 // Relative difference of samples of a lamp's rim: clipped and unclipped pictures of it are read
 // with footprints of different shapes.
 constexpr float kRim = 0.3f;
+// The same of unclipped samples, where the picture is that uneven: more is a change of the place.
+constexpr float kUneven = 0.5f;
 constexpr float kMostElapsed = 1e9f;    // seconds: what grows with them stays below that
 constexpr float kMostVariance = 1e30f;  // sums of a few stay finite
 alignas(64) constexpr int kNoneClipped[kTexelLanes] = {};
+alignas(64) constexpr float kEven[kTexelLanes] = {};
 constexpr float kBoundNoise = 1.0f;  // relative standard deviation of a value that is only a bound
 
 // Seconds since each texel was last seen, and whether it is seen for the first time.
@@ -63,6 +66,7 @@ struct ChannelInput {
   const int *seen, *first;
   const float *elapsed, *linear, *scale, *sensor;
   const int* clipped;
+  const float* spread;
   int lanes;  // of the arrays, a multiple of 16
 };
 
@@ -80,6 +84,7 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
   const float* __restrict linear = in.linear;
   const float* __restrict scale = in.scale;
   const float* __restrict sensor = in.sensor;
+  const float* __restrict spread = in.spread;
   for (int i = 0; i < n; ++i) {
     const float scaled = linear[i] * scale[i], value = values[i];
     const float sample = scaled < kRadianceCap ? scaled : kRadianceCap;
@@ -89,10 +94,18 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float since = elapsed[i] < kLongest ? elapsed[i] : kLongest;
     const float grown = variances[i] + kUnsureRate * kUnsureRate * value * value * since;
     const float difference = sample - value, total = grown + sample_variance;
-    const float gain = grown / (total > 1e-30f ? total : 1e-30f);
+    // Weights by the value. By the sample, darker ones would count for more, and the mean of what
+    // differs at a lamp's rim would lack light.
+    const float model_by_value = kModelNoise * value;
+    const float about = sensor[i] * scale[i] * scale[i] + model_by_value * model_by_value;
+    const float both = grown + (about < kMostVariance ? about : kMostVariance);
+    const float gain = grown / (both > 1e-30f ? both : 1e-30f);
     // A clipped sample says nothing about the rim of a lamp that is otherwise seen without
-    // clipping.
-    const float rim = clips[i] ? kRim * value : 0.0f;
+    // clipping. Others differ there, because footprints do: were the last one taken, and not their
+    // mean, the lamp's energy would be that of no picture.
+    const float larger = kUneven * (value > sample ? value : sample);
+    const float uneven = spread[i] * scale[i] < larger ? spread[i] * scale[i] : larger;
+    const float rim = clips[i] ? kRim * value : uneven;
     const int replace =
         firsts[i] | bounds[i] | (difference * difference > kChange * kChange * total + rim * rim);
     const int raise = firsts[i] | (value < sample);
@@ -281,6 +294,7 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
                           samples.radiance_per_linear,
                           sensor,
                           samples.any_clipped ? samples.clipped[c] : kNoneClipped,
+                          samples.fine ? samples.spread[c] : kEven,
                           lanes};
     merge_channel(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
     if (samples.any_clipped)
@@ -324,7 +338,7 @@ void compare_samples(const float* const value[3], const float* const rough[3], i
     sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), noise.more(),
                     lanes, sensor);
     add_deviance({sightings.seen, nullptr, nullptr, samples.linear[c], samples.radiance_per_linear,
-                  sensor, samples.any_clipped ? samples.clipped[c] : kNoneClipped, lanes},
+                  sensor, samples.any_clipped ? samples.clipped[c] : kNoneClipped, kEven, lanes},
                  value[c], rough[c], deviance);
   }
 }

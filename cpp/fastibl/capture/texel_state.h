@@ -31,6 +31,10 @@ struct Samples {
   alignas(64) float radiance_per_linear[kTexelLanes];
   alignas(64) int clipped[3][kTexelLanes];  // 0 or 1: more than a share of the footprint clips
   bool any_clipped = false;
+  // By how much a sample may differ from one whose footprint lies half a texel aside; valid if
+  // `fine`, for groups that are read more finely.
+  alignas(64) float spread[3][kTexelLanes];
+  bool fine = false;
 };
 
 // Relative standard deviation of a sample from misregistration and the lens, whatever the sensor.
