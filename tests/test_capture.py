@@ -610,6 +610,25 @@ def test_the_plane_is_not_taken_from_pictures_whose_place_is_guessed():
     assert (seen & (up < 0)).sum() > 100 and (seen & (up > 0.05)).sum() > 100
 
 
+def test_what_no_known_place_saw_of_the_plane_is_taken_from_a_guessed_one():
+    """Texel by texel: a tile of which a known place saw a corner kept its other texels empty for good."""
+    capture, camera = fastibl.Capture(size=64, centre=(0, 0, 0.1)), camera_of(64, 48)
+    views = [(0.5, True, (0, 0.6, -0.1)), (0.2, False, (0.25, 0.6, -0.1)), (0.3, False, (0.25, 0.6, -0.1))]
+    below = fastibl.texel_directions(64)[..., 2] < 0
+    seen = []
+    for time, (light, plane, towards) in enumerate(views):
+        pose = looking(towards, (0, 0, 0.4))
+        capture.add(np.full((48, 64, 3), light, np.float32), camera, pose, time=time, plane=plane)
+        seen.append(np.isfinite(capture.last_seen) & below)
+    alone = fastibl.Capture(size=64, centre=(0, 0, 0.1))
+    alone.add(np.full((48, 64, 3), 0.2, np.float32), camera, looking(views[1][2], (0, 0, 0.4)))
+    shown = np.isfinite(alone.last_seen) & below
+    print(f"{(shown & ~seen[0]).sum()} texels are new, {(shown & ~seen[1]).sum()} of them were not taken")
+    assert (shown & ~seen[0]).sum() > 100 and not (shown & ~seen[1]).any()
+    faces = capture.environment().radiance.faces
+    np.testing.assert_allclose(faces[seen[0]], 0.5, rtol=1e-5)  # what a known place saw stays
+
+
 def test_the_far_plane_does_not_alias():
     """A camera nearer to the plane than the object sees a texel over many pixels: checks finer than it average."""
     centre = (0.0, 0.0, 1.0)

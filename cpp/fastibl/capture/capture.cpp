@@ -44,6 +44,7 @@ struct Capture::View {
   double scale;      // radiance of a linear value, without vignetting
   float light;       // linear value
   glm::vec3 untint;  // factors on linear values
+  bool plane;        // whether the camera's place is known
 };
 
 Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignette)
@@ -283,7 +284,11 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
       tiles_.push_back(tile);
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
-  if (!plane) std::erase_if(tiles_, [&](int tile) { return plane_seen_[std::size_t(tile)] != 0; });
+  if (!plane)
+    std::erase_if(tiles_, [&](int tile) {
+      const std::size_t i = std::size_t(tile);
+      return plane_seen_[i] && sums_[i].count == tile_rect(grid_, tile).texels();
+    });
   const glm::dvec3 eye = poses.at(0.5).inverse().translation;
   if (k.side) leave_out_far_tiles(eye);
   if (tiles_.empty()) return false;
@@ -299,7 +304,8 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
                   mask,
                   scale,
                   float(kRimOfLight * bright_ * tint / scale),
-                  glm::vec3(1.0 / taken.tint)};
+                  glm::vec3(1.0 / taken.tint),
+                  plane};
   leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
@@ -633,6 +639,15 @@ void Capture::prefetch_tile(int tile) const {
 }
 
 // Takes what the picture shows of a tile; true if it shows any of its texels.
+bool Capture::leave_out_seen(int tile, int first, int count, Sightings& sightings) const {
+  int left = 0;
+  for (int i = 0; i < count; ++i) {
+    sightings.seen[i] &= state_.last_seen.at(tile, first + i) == kNever;
+    left += sightings.seen[i];
+  }
+  return left > 0;
+}
+
 bool Capture::add_tile(const View& view, int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const int table = r.width() == grid_.widest() ? 1 : 0;
@@ -659,6 +674,11 @@ bool Capture::add_tile(const View& view, int tile) {
                            r.width(),
                            surroundings_.depth(tile)};
     if (!texels.see(group, sightings)) {
+      whole = false;
+      continue;
+    }
+    if (!view.plane && plane_seen_[std::size_t(tile)] &&
+        !leave_out_seen(tile, k, count, sightings)) {
       whole = false;
       continue;
     }

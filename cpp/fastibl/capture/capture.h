@@ -249,6 +249,8 @@ class Capture {
   // How the picture shows the tile, from the `count` texels that were looked at from `first` on.
   TileSighting sighting(const View& view, int tile, const Sightings& sightings,
                         const Samples& samples, int first, int count) const;
+  // Leaves out texels of a tile that any picture showed; false if none is left.
+  bool leave_out_seen(int tile, int first, int count, Sightings& sightings) const;
   bool add_tile(const View& view, int tile);
   // Prefetch memory that will soon be worked on.
   void prefetch_tile(int tile) const;
