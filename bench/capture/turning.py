@@ -51,9 +51,16 @@ def _page(board: fastibl.Board, directions: NDArray, centre: NDArray) -> NDArray
 
 @cache
 def swept(place: str, gyro: float | None = None, path: Callable[[float], fastibl.Pose] = turning) -> Sweep:
-    seconds = SECONDS + (path is not turning) * ABOUT
     film = recorded(
-        place, seconds=seconds, fps=FPS, seed=0, hand=False, lamp=False, auto_exposure=True, gyro=gyro, path=path
+        place,
+        seconds=SECONDS + (path is not turning) * ABOUT,
+        fps=FPS,
+        seed=0,
+        hand=False,
+        lamp=False,
+        auto_exposure=True,
+        gyro=gyro,
+        path=path,
     )
     session = fastibl.Session(inputs.scene(), film.rig, film.board)
     errors, seconds, missing = [], [], 0
