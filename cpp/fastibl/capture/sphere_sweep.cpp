@@ -71,8 +71,9 @@ SphereSweep::View SphereSweep::small_view(const PixelReader& pixels, const Camer
       if (!ray || (!mask.empty() && !*mask.pixel(int(x), int(y)))) continue;
       const PixelReader::Block block = pixels.block(column * step, row * step, step, skip);
       const float sum = block.linear.x + block.linear.y + block.linear.z;
-      if (block.clipped || !(sum > kDark && std::isfinite(sum))) continue;
-      *view.brightness.pixel(column, row) = std::log(sum / float(vignette(float(x), float(y))));
+      const float light = sum / float(vignette(float(x), float(y)));
+      if (block.clipped || !(sum > kDark && light > 0 && std::isfinite(light))) continue;
+      *view.brightness.pixel(column, row) = std::log(light);
     }
   }
   return view;
