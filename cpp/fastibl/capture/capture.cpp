@@ -28,7 +28,7 @@ constexpr double kFarther = 2, kFartherBy = 0.3;  // factor, metres: beyond, wid
 constexpr std::size_t kChanges = 16;              // of all the light that are remembered
 constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
+constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
 // Bands of rows that share a pose: at 60 degrees a second and 30 ms of readout, neighbouring bands
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -119,7 +119,7 @@ Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
       grid_{options_.size},
       outlines_(grid_),
-      surroundings_(outlines_, options_.centre,
+      surroundings_(outlines_,
                     {options_.centre, options_.distance.value_or(kInfinity), options_.box}),
       sweep_(options_.centre),
       tracks_(options_.centre),
@@ -286,8 +286,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
     }
   if (!plane)
     std::erase_if(tiles_, [&](int tile) {
-      const std::size_t i = std::size_t(tile);
-      return plane_seen_[i] && sums_[i].count == tile_rect(grid_, tile).texels();
+      return plane_seen_[std::size_t(tile)] != 0 && was_seen_whole(tile);
     });
   const glm::dvec3 eye = poses.at(0.5).inverse().translation;
   if (k.side) leave_out_far_tiles(eye);
@@ -496,7 +495,7 @@ bool Capture::match_prior(std::vector<int>& refilled) {
   if (!(moved > 0)) return false;
   for (const int tile : sky_) {
     unseen_.give(tile, prior_->mean(tile));
-    if (sums_[std::size_t(tile)].count < tile_rect(grid_, tile).texels()) refilled.push_back(tile);
+    if (!was_seen_whole(tile)) refilled.push_back(tile);
   }
   return moved > kOtherScale;
 }
@@ -550,10 +549,10 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
 void Capture::leave_out_far_tiles(const glm::dvec3& eye) {
   const double distance = glm::length(eye - options_.centre);
   std::erase_if(tiles_, [&](int tile) {
-    const std::size_t i = std::size_t(tile);
-    return unseen_.above(tile) && sums_[i].count == tile_rect(grid_, tile).texels() &&
+    const double nearer = glm::length(eyes_[std::size_t(tile)] - options_.centre);
+    return unseen_.above(tile) && was_seen_whole(tile) &&
            surroundings_.is_usual(surroundings_.depth(tile)) &&
-           distance > kFarther * glm::length(eyes_[i] - options_.centre) + kFartherBy;
+           distance > kFarther * nearer + kFartherBy;
   });
 }
 
@@ -638,7 +637,6 @@ void Capture::prefetch_tile(int tile) const {
   prefetch_items(&projected_[start], count);
 }
 
-// Takes what the picture shows of a tile; true if it shows any of its texels.
 bool Capture::leave_out_seen(int tile, int first, int count, Sightings& sightings) const {
   int left = 0;
   for (int i = 0; i < count; ++i) {
@@ -648,6 +646,7 @@ bool Capture::leave_out_seen(int tile, int first, int count, Sightings& sighting
   return left > 0;
 }
 
+// Takes what the picture shows of a tile; true if it shows any of its texels.
 bool Capture::add_tile(const View& view, int tile) {
   const FaceRect r = tile_rect(grid_, tile);
   const int table = r.width() == grid_.widest() ? 1 : 0;

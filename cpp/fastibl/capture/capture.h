@@ -233,6 +233,9 @@ class Capture {
   bool forget_bright(int tile);
   // Removes from tiles_ the tiles that the picture need not give.
   void leave_out_quiet_tiles(const View& view);
+  bool was_seen_whole(int tile) const {
+    return sums_[std::size_t(tile)].count == tile_rect(grid_, tile).texels();
+  }
   // Removes tiles of the sky that were seen whole from much nearer to the centre than `eye` is.
   void leave_out_far_tiles(const glm::dvec3& eye);
   void compare_probes(const View& view, const int* tiles, int count);
@@ -326,8 +329,9 @@ class Capture {
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
   std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
-  std::vector<glm::dvec3> eyes_;  // by tile: where it was last seen from; infinite: from many places
-  std::vector<std::uint8_t> at_rim_;      // tiles that show the rim of a light: read more finely
+  std::vector<glm::dvec3>
+      eyes_;  // by tile: where it was last seen from; infinite: from many places
+  std::vector<std::uint8_t> at_rim_;  // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, the latest first
 };
 

@@ -76,7 +76,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   resample(old, [&](int, const glm::vec3& d) { return std::optional(old_from_new * d); });
   sweep_ = SphereSweep(options_.centre);
   tracks_ = LightTracks(options_.centre);
-  surroundings_ = Surroundings(outlines_, options_.centre, surface());
+  surroundings_ = Surroundings(outlines_, MapSurface(surface()));
   quiet_ = QuietTiles(grid_);
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
@@ -98,8 +98,7 @@ void Capture::find_distance(const Picture& picture, const KnownCamera& known, co
 // What was recorded for another distance was seen from a known place, so it can be recorded anew.
 void Capture::move_to(double distance) {
   const Surroundings before = std::exchange(
-      surroundings_,
-      Surroundings(outlines_, options_.centre, {options_.centre, distance, options_.box}));
+      surroundings_, Surroundings(outlines_, {options_.centre, distance, options_.box}));
   surroundings_.place(outlines_, std::vector<LightPosition>(before.lights()));
   const auto tile_of = [&](const glm::dvec3& direction) {
     const TexelPlace at = texel_at(glm::vec3(direction), grid_.size);

@@ -22,16 +22,15 @@ bool is_about(const Depth& a, const Depth& b) {
 
 }  // namespace
 
-Surroundings::Surroundings(const TileOutlines& outlines, const glm::dvec3& centre,
-                           const MapSurface& surface)
-    : centre_(centre), surface_(surface) {
+Surroundings::Surroundings(const TileOutlines& outlines, const MapSurface& surface)
+    : surface_(surface) {
   usual_.inverse_distance = float(1 / surface.distance()), usual_.box = surface.has_box();
   for (int side = 0; side < 2; ++side) walls_[side] = glm::vec3(surface.walls()[side]);
   const std::size_t padded = outlines.bulge.size();
   depths_.assign(padded, usual_);
   for (int c = 0; c < 4; ++c) corners_[c].assign(padded, 0.0f);
   for (int tile = 0; tile < outlines.grid.count(); ++tile) set(outlines, tile, usual_);
-  near_ = usual_.box || usual_.inverse_distance > 0;
+  near_ = surface_.is_near();
 }
 
 float Surroundings::weight(const glm::vec3& d, const Depth& depth) const {
@@ -60,14 +59,15 @@ std::vector<int> Surroundings::place(const TileOutlines& outlines,
   const bool had_lights = !lights_.empty();
   lights_.clear();
   for (const LightPosition& light : lights) {
-    const glm::dvec3 offset = light.position - centre_;
+    const glm::dvec3 offset = light.position - surface_.centre();
     const double distance = glm::length(offset);
     const glm::dvec3 towards = offset / distance;
     const double deviation = std::sqrt(glm::dot(towards, light.covariance * towards));
     if (gap(light) * distance * distance < kAgreed * deviation) continue;
     lights_.push_back(light);
-    placed.push_back(
-        {towards, angular_radius(light, centre_), {float(1 / distance), false, glm::vec3(offset)}});
+    placed.push_back({towards,
+                      angular_radius(light, surface_.centre()),
+                      {float(1 / distance), false, glm::vec3(offset)}});
   }
   if (placed.empty() && !had_lights) return {};
   std::vector<int> changed;
@@ -89,7 +89,7 @@ std::vector<int> Surroundings::place(const TileOutlines& outlines,
     set(outlines, tile, depth);
     changed.push_back(tile);
   }
-  near_ = usual_.box || usual_.inverse_distance > 0 || !placed.empty();
+  near_ = surface_.is_near() || !placed.empty();
   find_lit();
   return changed;
 }
@@ -108,7 +108,8 @@ void Surroundings::find_lit() {
 }
 
 double Surroundings::gap(const LightPosition& light) const {
-  return std::abs(1 / glm::length(light.position - centre_) - surface_.nearness(light.direction));
+  return std::abs(1 / glm::length(light.position - surface_.centre()) -
+                  surface_.nearness(light.direction));
 }
 
 }  // namespace fastibl

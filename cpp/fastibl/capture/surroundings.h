@@ -23,8 +23,8 @@ struct Depth {
 // Surroundings above the horizon; what is below is the plane.
 class Surroundings {
  public:
-  // surface: where everything but lights is assumed to be, around the centre.
-  Surroundings(const TileOutlines& outlines, const glm::dvec3& centre, const MapSurface& surface);
+  // surface: where everything but lights is assumed to be.
+  Surroundings(const TileOutlines& outlines, const MapSurface& surface);
 
   // Sets the tiles that show a light to the light's distance, unless it is about where everything
   // is assumed to be anyway; the other tiles get the usual depth. Returns the tiles whose depth
@@ -57,7 +57,6 @@ class Surroundings {
   float weight(const glm::vec3& direction, const Depth& depth) const;
   void find_lit();
 
-  glm::dvec3 centre_;
   MapSurface surface_;
   Depth usual_;
   glm::vec3 walls_[2] = {glm::vec3(0), glm::vec3(0)};

@@ -25,7 +25,9 @@ class MapSurface {
   // The direction in which the map shows what an eye sees along a ray; both of unit length.
   glm::dvec3 recorded(const glm::dvec3& eye, const glm::dvec3& ray) const;
 
-  double distance() const { return 1 / inverse_distance_; }  // of the sphere
+  const glm::dvec3& centre() const { return centre_; }
+  bool is_near() const { return box_ || inverse_distance_ > 0; }  // nearer than infinity
+  double distance() const { return 1 / inverse_distance_; }       // of the sphere
   bool has_box() const { return box_; }
   // 1 / distance of the walls along the axes: of the upper and of the lower walls.
   const glm::dvec3* walls() const { return walls_; }

@@ -255,6 +255,13 @@ void composite(const Picture& back, double exposure, const PixelTable& table,
   });
 }
 
+void bare_picture(const Picture& back, const Camera& camera, Image<std::uint8_t>& out) {
+  if (back.empty())
+    out = Image<std::uint8_t>(camera.width, camera.height, 4);
+  else
+    bytes_from(back, camera.response, out);
+}
+
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,
                           const ObjectLayer& object, const ShadowLookUp& shadow,
                           const ObjectLayer& holdout) {

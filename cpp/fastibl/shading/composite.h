@@ -35,6 +35,9 @@ void composite(const Picture& back, double exposure, const PixelTable& table,
                const Pose& camera_from_marker, const ObjectLayer& object,
                const ShadowLookUp& shadow, const ObjectLayer& holdout, Image<std::uint8_t>& out);
 
+// The picture with nothing over it; transparent, of the camera's size, where there is none.
+void bare_picture(const Picture& back, const Camera& camera, Image<std::uint8_t>& out);
+
 // Object and shadow without a picture behind them: straight (not premultiplied) encoded RGB and
 // alpha. A shadow is black with alpha 1 − ratio (Rec. 709 luminance; 0 where that is negative).
 Image<std::uint8_t> matte(double exposure, const PixelTable& table, const Pose& camera_from_marker,

@@ -44,11 +44,11 @@ struct Seen {
   float x, y;
   glm::vec3 move_x, move_y;  // of the pixel by w
   glm::vec3 axis;            // of the logarithm
-  glm::vec3 eye_x, eye_y;    // of the pixel by the eye's shift, 1 / metres
-  glm::vec3 eye_axis;        // of the logarithm by it
   float log_light, inverse_deviation, dark, scale;
   int level;
   const MapFeature* feature;
+  glm::vec3 eye_x{0}, eye_y{0};  // of the pixel by the eye's shift, 1 / metres
+  glm::vec3 eye_axis{0};         // of the logarithm by it
 };
 
 glm::dmat3 cross_matrix(const glm::dvec3& w) { return {0, w.z, -w.y, -w.z, 0, w.x, w.y, -w.x, 0}; }
@@ -195,28 +195,16 @@ void find_seen(const MapFeatures& map, const PictureFeatures& fine, const MapVie
     const float variance = sensor.variance(f, options, float(view.light->level(read).block));
     const float light = f.light + dark;
     const glm::vec3 axis = rolls ? glm::vec3((row * glm::dvec3(f.axis)) * by_w) : f.axis;
-    Seen seen{float(pixel->x),
-              float(pixel->y),
-              glm::vec3(mx),
-              glm::vec3(my),
-              axis / light,
-              {},
-              {},
-              {},
-              kLn2 * fast_log2(light),
-              1 / std::sqrt(variance),
-              dark,
-              sensor.white,
-              read,
-              &f};
+    Seen& seen = out.emplace_back(Seen{float(pixel->x), float(pixel->y), glm::vec3(mx),
+                                       glm::vec3(my), axis / light, kLn2 * fast_log2(light),
+                                       1 / std::sqrt(variance), dark, sensor.white, read, &f});
     if (by_eye) {  // moved by m, it is seen in d − nearness · m
-      const double nearness = view.surface->nearness(glm::dvec3(f.direction));
+      const double nearness = view.surface.nearness(glm::dvec3(f.direction));
       const glm::dmat3 moved = -nearness * (rotation * row);
       seen.eye_x = glm::vec3(derivative[0] * moved), seen.eye_y = glm::vec3(derivative[1] * moved);
       const glm::vec3 gradient = glm::cross(f.axis, glm::vec3(d));  // times |d|²
       seen.eye_axis = -float(nearness / glm::dot(d, d)) * gradient / light;
     }
-    out.push_back(seen);
   }
 }
 

@@ -25,16 +25,12 @@ struct MapView {
   glm::dvec3 turn{0};
   glm::dmat3 turn_by_w{0.0};
   // Of what is seen, and where the camera is, metres, marker frame.
-  const MapSurface* surface = nullptr;
+  MapSurface surface = {};
   glm::dvec3 eye{0};
 
   // The direction, not of unit length, in which the camera sees what the map shows in a direction.
-  glm::dvec3 seen(const glm::dvec3& direction) const {
-    return surface ? surface->seen_from(eye, direction) : direction;
-  }
-  glm::dvec3 recorded(const glm::dvec3& ray) const {
-    return surface ? surface->recorded(eye, ray) : ray;
-  }
+  glm::dvec3 seen(const glm::dvec3& direction) const { return surface.seen_from(eye, direction); }
+  glm::dvec3 recorded(const glm::dvec3& ray) const { return surface.recorded(eye, ray); }
 };
 
 // Rays through the middles of the blocks, at the levels from which features are taken, unit length;

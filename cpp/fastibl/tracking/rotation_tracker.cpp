@@ -235,7 +235,7 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
           exposure);
     if (!ready) light.make(picture, camera.response);
     views.push_back({&light, &camera, &lens, camera_from_rig.rotation, exposure,
-                     camera.readout * velocity, camera.readout * velocity_by_w, &surface_,
+                     camera.readout * velocity, camera.readout * velocity_by_w, surface_,
                      (camera_from_rig * back_from_marker).inverse().translation});
   };
   if (!pictures.back.empty())
@@ -323,7 +323,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   std::vector<MapView> seen = views(pictures, &*state_, pose_at(state_->rotation, eye_));
   if (seen.empty()) return std::nullopt;
   RotationPrior prior{state_->rotation, glm::inverse(state_->ww)};
-  if (!(surface_ == MapSurface{})) prior.place_information = glm::inverse(place_);
+  if (surface_.is_near()) prior.place_information = glm::inverse(place_);
   std::optional<Alignment> found;
   std::optional<Turned> result;
   for (int attempt = 0; attempt < kAttempts && !result; ++attempt) {
@@ -343,8 +343,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   if (result) {
     correct(*state_, result->back_from_marker.rotation, glm::inverse(found->information));
     if (prior.place_information) {
-      eye_ += found->moved;
-      place_ = found->place_covariance;
+      eye_ += found->moved, place_ = found->place_covariance;
       for (MapView& view : seen) view.eye += found->moved;
       result->position_deviation = std::hypot(std::sqrt(largest_eigenvalue(place_)), kFoundPlace);
     }

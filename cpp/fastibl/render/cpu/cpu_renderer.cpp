@@ -67,10 +67,7 @@ class CpuRenderer final : public Renderer {
   }
 
   void show(const Picture& back, const Camera& camera) override {
-    if (back.empty())
-      image_ = Image<std::uint8_t>(camera.width, camera.height, 4);
-    else
-      bytes_from(back, camera.response, image_);
+    bare_picture(back, camera, image_);
   }
 
   std::optional<double> shaded() const override { return shaded_; }

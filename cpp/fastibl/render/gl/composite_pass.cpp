@@ -8,6 +8,7 @@
 
 #include "fastibl/render/gl/copy_picture.h"
 #include "fastibl/scene/pixel_reader.h"
+#include "fastibl/shading/composite.h"
 
 namespace fastibl {
 namespace {
@@ -64,11 +65,7 @@ void CompositePass::take(Gpu& gpu, const CameraTexture& texture, int width, int 
 
 void CompositePass::show(const Picture& back, const Camera& camera) {
   area_ = {};
-  if (taken_) return;
-  if (back.empty())
-    bytes_ = Image<std::uint8_t>(camera.width, camera.height, 4);
-  else
-    bytes_from(back, camera.response, bytes_);
+  if (!taken_) bare_picture(back, camera, bytes_);
 }
 
 void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade,
