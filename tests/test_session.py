@@ -136,6 +136,24 @@ def test_what_lies_behind_the_camera_casts_no_shadow_on_the_sky(backend, height)
     assert session.shadow_map.reach > 0.2, "the camera stands outside of the shadow's map"
 
 
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=needs_gl)])
+def test_a_camera_that_looks_away_makes_nothing_but_light(backend):
+    """Its pictures stay as they are; back at the object, all that changed meanwhile is drawn as by a new session."""
+    ahead = fastibl.Pose.look_at(EYE, (0, -1.0, 0.5))
+    seen, fresh = (fastibl.Session(ball(), RIG, environment=WHITE, backend=backend) for _ in range(2))
+    for k, level in enumerate((1, 2)):
+        for session in (seen, fresh):
+            session.set_environment(fastibl.CubeMap(np.full((6, 8, 8, 3), level, np.float32)))
+        result = seen.process(given(float(2 * k), back_from_marker=ahead))
+        np.testing.assert_array_equal(result.image, BACK)
+        assert result.passes == ["irradiance"], "object, shadow and light are still made where nothing is seen of them"
+        assert result.lighting.plane_irradiance[0] == pytest.approx(level * np.pi, rel=1e-3)
+        assert not seen.process(given(2 * k + 0.5, back=None, back_from_marker=ahead)).image.any()
+        at_object = [s.process(given(2 * k + 1.0)).image for s in (seen, fresh)]
+        np.testing.assert_array_equal(*at_object)
+        assert (at_object[0] != BACK).any()
+
+
 @needs_gl
 def test_both_back_ends_draw_what_is_nearly_matte(marked):
     """Exponents below 1 lie between the irradiance and the chain's last lobe."""

@@ -118,7 +118,7 @@ def left_out() -> Iterator[Goal]:
         ("uniform light, budget of 2 %", Asked(_session(both, error=0.02), "uniform", pose),
          Asked(_session(both, error=0.02), "changes", pose), False, ()),
         ("object out of view", Asked(_session(both), "changes", _away()), Asked(_session(both), "changes", pose),
-         False, ()),
+         False, (*lit[1:], "shade", "composite")),
     )  # fmt: skip
     for what, without, whole, same, needless in rows:
         a, b = played(without), played(whole)

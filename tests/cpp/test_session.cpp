@@ -2,11 +2,15 @@
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
+#include "fastibl/shading/in_view.h"
+#include "fastibl/shadow/scene_shadow.h"
 
 using namespace fastibl;
 
@@ -36,6 +40,24 @@ std::shared_ptr<const Environment> light() {
   std::vector<glm::vec3> faces;
   for (int f = 0; f < 6; ++f) faces.insert(faces.end(), 16 * 16, glm::vec3(f == 0 ? 4.0f : 0.5f));
   return std::make_shared<const Environment>(environment_from(CubeMap(16, faces)));
+}
+
+// A sun in one texel, so high at a distance of 1.
+CubeMap sun_at(double height) {
+  CubeMap map(32, std::vector<glm::vec3>(6 * 32 * 32, glm::vec3(0.01f)));
+  const glm::vec3 towards = glm::normalize(glm::vec3(1, 0.3f, float(height)));
+  glm::vec3* brightest = nullptr;
+  float most = -1;
+  for (int f = 0; f < 6; ++f)
+    for (int y = 0; y < 32; ++y)
+      for (int x = 0; x < 32; ++x) {
+        const glm::vec3 d = face_direction(f, (float(x) + 0.5f) / 32, (float(y) + 0.5f) / 32);
+        const float c = glm::dot(glm::normalize(d), towards);
+        if (c > most) most = c, brightest = &map.base().texel(f, x, y);
+      }
+  *brightest = glm::vec3(5000);
+  map.update();
+  return map;
 }
 
 struct Camera160 {
@@ -180,5 +202,114 @@ TEST_CASE("a frame that failed leaves nothing half done") {
                            std::invalid_argument);
     session.set_methods(options.methods);
     CHECK(session.process(camera.frame).image == before);
+  }
+}
+
+TEST_CASE("no shadow goes beyond where it is looked for") {
+  const Camera160 camera;
+  const Pose upright, along{glm::dmat3(1), {0.2, 0.1, 0}}, lifted{glm::dmat3(1), {0, 0, 0.1}},
+      tilted{rotation_from_vector({0.3, 0.4, 0}), {-0.1, 0, 0.02}},
+      turned{rotation_from_vector({0, 0, 0.7}), {0, 0.3, 0}};
+  const Scene standing = scene(0.05f);
+  for (const double height : {0.02, 0.1, 0.5})  // of a sun, by its distance
+    for (const ShadowMethod method : {ShadowMethod::mesh, ShadowMethod::directions,
+                                      ShadowMethod::cap_sum, ShadowMethod::cap_product})
+      for (const Pose& pose : {upright, along, lifted, tilted, turned}) {
+        INFO(height, " ", std::string(name(method)), " ", pose.translation.x);
+        SessionOptions options;
+        options.error = 0, options.methods.shadow = method;
+        Scene stands = standing;
+        stands.marker_from_object = pose;
+        Session session(stands, camera.rig, std::nullopt,
+                        std::make_shared<const Environment>(environment_from(sun_at(height))),
+                        nullptr, make_cpu_renderer(), options);
+        session.process(camera.frame);
+        const ShadowMap& map = session.shadow_map();
+        REQUIRE(!map.ratio.empty());
+        const PlaneSquare most = farthest_shadow(stands, method);
+        for (int i = 0; i < 2; ++i) {
+          CHECK(map.centre[i] - map.reach() >= most.centre[i] - most.extent * (1 + 1e-5f));
+          CHECK(map.centre[i] + map.reach() <= most.centre[i] + most.extent * (1 + 1e-5f));
+        }
+        CHECK(most.extent < 15 * map.extent);  // not just the whole plane
+      }
+}
+
+TEST_CASE("what a picture does not show is not made until it does") {
+  const Camera160 camera;
+  Frame away = camera.frame, back = camera.frame;
+  away.back_from_marker->translation.z = -3;  // all is behind
+  Session session = camera.session(0.1f), fresh = camera.session(0.1f);
+  FrameResult result = session.process(away);
+  CHECK(result.image.data == camera.pixels);
+  CHECK(result.passes == std::vector<PassId>{PassId::irradiance});
+  CHECK(result.lighting != nullptr);
+  CHECK(session.object().rgba.empty());
+  result = session.process(back);
+  CHECK(result.image == fresh.process(back).image);
+  CHECK(result.image.data != camera.pixels);
+  // The light changes while nothing is seen of it.
+  const auto other = std::make_shared<const Environment>(
+      environment_from(CubeMap(16, std::vector<glm::vec3>(6 * 16 * 16, glm::vec3(2)))));
+  session.set_environment(other), fresh.set_environment(other);
+  result = session.process(away);
+  CHECK(result.image.data == camera.pixels);
+  CHECK(result.lighting->plane_irradiance.x == doctest::Approx(2 * 3.14159265).epsilon(1e-3));
+  CHECK(session.process(back).image == fresh.process(back).image);
+}
+
+TEST_CASE("a view shows what is in its picture, and not much more") {
+  Camera wide;
+  wide.width = 160, wide.height = 120, wide.fx = wide.fy = 90, wide.cx = 80, wide.cy = 60;
+  Camera bent = wide;
+  bent.distortion = {-0.25, 0.06, 0.002, -0.001};
+  std::uint32_t state = 1;
+  const auto random = [&] { return double(state = state * 1664525u + 1013904223u) / 4294967296.0; };
+  const auto spread = [&](double s) {
+    const double x = random(), y = random(), z = random();
+    return s * (2.0 * glm::dvec3(x, y, z) - 1.0);
+  };
+  for (const Camera& camera : {wide, bent}) {
+    const View view(camera);
+    const Lens lens(camera);
+    int shown = 0, hidden = 0, needless = 0;
+    for (int trial = 0; trial < 2000; ++trial) {
+      const glm::dvec3 axis = glm::normalize(spread(1) + glm::dvec3(0, 0, 1e-9));
+      const Pose pose{rotation_from_vector(6.3 * random() * axis), spread(1)};
+      const glm::dvec3 a = spread(0.6), b = a + 0.3 * (spread(1) + 1.0);
+      const Bounds box{glm::vec3(a), glm::vec3(b)};
+      const float extent = float(0.01 + 0.5 * random());
+      // Points of both, and by how much they miss the picture at least.
+      double box_misses = 1e9, square_misses = 1e9;
+      const auto misses = [&](const glm::dvec3& point) {
+        const auto pixel = lens.project(pose * point);
+        if (!pixel) return 1e9;
+        return std::max({-pixel->x, -pixel->y, pixel->x - 160, pixel->y - 120, 0.0});
+      };
+      constexpr int kSteps = 10;
+      for (int i = 0; i <= kSteps; ++i)
+        for (int j = 0; j <= kSteps; ++j) {
+          const glm::dvec2 t = glm::dvec2(i, j) / double(kSteps);
+          square_misses =
+              std::min(square_misses, misses(glm::dvec3(double(extent) * (2.0 * t - 1.0), 0)));
+          for (int k = 0; k <= kSteps; ++k)
+            box_misses =
+                std::min(box_misses, misses(glm::mix(glm::dvec3(box.lower), glm::dvec3(box.upper),
+                                                     glm::dvec3(t, double(k) / kSteps))));
+        }
+      const bool box_shown = view.may_show(box, pose),
+                 square_shown = view.may_show(glm::vec2(0), extent, pose);
+      if (box_misses == 0) CHECK(box_shown);
+      if (square_misses == 0) CHECK(square_shown);
+      for (const auto& [may, off] :
+           {std::pair(box_shown, box_misses), {square_shown, square_misses}}) {
+        shown += may, hidden += !may;
+        needless += may && off > 60;
+      }
+    }
+    MESSAGE(shown, " shown, ", hidden, " not, ", needless, " needlessly");
+    CHECK(shown > 500);
+    CHECK(hidden > 1000);
+    CHECK(needless < 0.03 * hidden);
   }
 }

@@ -11,6 +11,7 @@
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/workload.h"
 #include "fastibl/scene/pixel_reader.h"
+#include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
 namespace {
@@ -450,14 +451,25 @@ void Session::see_first_light(const Frame& frame, FrameResult& result, const Pos
   if (environment_) stale_ &= ~product::radiance;  // no method changes the map
 }
 
+bool Session::may_show(const Pose& drawn_from) {
+  if (!view_ || view_->camera() != drawn_by_) view_.emplace(drawn_by_);
+  if (plan_.includes(PassId::shadow)) {
+    const PlaneSquare square = farthest_shadow(scene_, plan_.methods.shadow);
+    if (view_->may_show(square.centre, square.extent, drawn_from)) return true;
+  }
+  if (scene_.has_holdouts() && view_->may_show(bounds(scene_.holdouts->mesh.vertices), drawn_from))
+    return true;
+  return view_->may_show(bounds(scene_.mesh.vertices), drawn_from * scene_.marker_from_object);
+}
+
 // Runs the passes that are due. Where light is made in turns, what pictures made stale is held for
 // its turn.
 void Session::run_due(const Frame& frame, FrameResult& result) {
   const std::optional<Pose>& pose = result.back_from_marker;
   const Pose drawn_from = pose ? tracker_.pose_of_row(result, capture_.map().centre()) : Pose{};
-  drawn_from_ = pose ? std::optional(drawn_from) : std::nullopt;
-  // From a camera that stays, the object looks as before. Without a pose, nothing new is drawn.
-  if (pose && shown_from_ != drawn_from) stale_ |= product::pose, shown_from_ = drawn_from;
+  drawn_from_ = pose && may_show(drawn_from) ? std::optional(drawn_from) : std::nullopt;
+  // From a camera that stays, the object looks as before.
+  if (drawn_from_ && shown_from_ != drawn_from) stale_ |= product::pose, shown_from_ = drawn_from;
   if (in_turns_ && (stale_ & product::light_pictures)) {
     Products after = stale_;
     const std::vector<PassId> due = due_passes(plan_, product::texels, after);
@@ -470,15 +482,15 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
   // Without a pose nothing is drawn, but a front picture with a recent pose still feeds the map,
   // and so do pictures whose rotation the surroundings tell.
   Products wanted = product::texels;
-  if (pose) wanted |= product::image;
-  // A rotation that the surroundings told: the next is sought in the map as it is now, and the
-  // caller gets its light.
-  const bool told = tracker_.turned();
-  if (told) wanted |= product::radiance | product::irradiance;
+  if (drawn_from_) wanted |= product::image;
+  // The caller gets the light also while the camera looks away from the scene. Where the
+  // surroundings told by how much it turned, the next rotation is sought in the map as it is now.
+  const bool away = tracker_.turned() || (pose && !drawn_from_);
+  if (away) wanted |= product::radiance | product::irradiance;
   if (!fixed_environment_ && !lit() && is_due(PassId::mips, wanted))
     see_first_light(frame, result, drawn_from);
   run_passes(due_passes(plan_, wanted, stale_), frame, result, drawn_from);
-  if (told && !in_turns_) ensure_lighting();
+  if (away && !in_turns_) ensure_lighting();
   if (lights)
     light_lag_ = difference(summary_of(environment_->radiance), summary_of(before->radiance));
 }
@@ -528,7 +540,7 @@ void Session::process(const Frame& given, FrameResult& result) {
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
   judge_.add_frame(fixed_environment_ || !environment_ ? nullptr : &environment_->radiance);
   update_plan();  // its errors, now that this frame's light is known
-  if (!result.back_from_marker) renderer_->show(frame.back, drawn_by_);
+  if (!drawn_from_) renderer_->show(frame.back, drawn_by_);
   if (options_.read_back)
     renderer_->image(result.image);
   else

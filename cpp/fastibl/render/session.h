@@ -25,6 +25,7 @@
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/composite.h"
+#include "fastibl/shading/in_view.h"
 #include "fastibl/tracking/detector.h"
 
 namespace fastibl {
@@ -37,9 +38,9 @@ struct SessionOptions {
   double error = 0.02, milliseconds = 0;
   int map_size = 128;
   bool cast_shadow = true;
-  std::optional<double> distance = {};                        // CaptureOptions::distance
-  std::optional<RoomBox> box = {};                            // CaptureOptions::box
-  bool doubt_exposures = true;                                // CaptureOptions::doubt_exposures
+  std::optional<double> distance = {};  // CaptureOptions::distance
+  std::optional<RoomBox> box = {};      // CaptureOptions::box
+  bool doubt_exposures = true;          // CaptureOptions::doubt_exposures
   // By channel: the front camera's measure of light divided by the back camera's.
   glm::dvec3 front_ratio{1};
   // Whether the surroundings are used to tell how the cameras turn while the board is out of view,
@@ -84,11 +85,12 @@ class Session {
   const ShadowMap& plane_gain() {
     return shares_.plane_gain() ? *shares_.plane_gain() : renderer_->shadow_map();
   }
-  // The layers of the last picture; empty where the board was not seen.
+  // The layers of the last picture; empty where the board was not seen, or nothing of the scene
+  // is in the picture.
   ObjectLayer object() { return drawn_from_ ? renderer_->object() : ObjectLayer{}; }
   ObjectLayer holdout() { return drawn_from_ ? renderer_->holdout() : ObjectLayer{}; }
-  // The layers that the last picture was put together from. Nothing covers or shades it where the
-  // board was not seen.
+  // The layers that the last picture was put together from. Nothing covers or shades it where
+  // those are empty.
   PictureLayers layers();
   const Capture& capture() const { return capture_.map(); }
   Renderer& renderer() { return *renderer_; }
@@ -135,6 +137,7 @@ class Session {
   void run_passes(const std::vector<PassId>& due, const Frame& frame, FrameResult& result,
                   const Pose& drawn_from);
   bool is_due(PassId id, Products wanted) const;  // whether it would run now
+  bool may_show(const Pose& drawn_from);  // whether anything of the scene can be in the picture
   void see_first_light(const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_due(const Frame& frame, FrameResult& result);
 
@@ -164,6 +167,7 @@ class Session {
   Camera drawn_by_;                   // the last picture
   std::optional<Pose> drawn_from_;    // the last picture
   std::optional<Pose> shown_from_;    // the last picture that showed the object
+  std::optional<View> view_;          // of the camera that drew it
   std::optional<PixelTable> pixels_;  // of layers()
 };
 

@@ -1,6 +1,7 @@
 // Triangle meshes, and what an object on the marker needs of them.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -62,6 +63,13 @@ struct Bounds {
   float radius() const {
     return 0.5f * glm::length(upper - lower);
   }  // of the sphere around the box
+  std::array<glm::vec3, 8> corners() const {
+    std::array<glm::vec3, 8> all;
+    for (int k = 0; k < 8; ++k)
+      all[std::size_t(k)] = {k & 1 ? upper.x : lower.x, k & 2 ? upper.y : lower.y,
+                             k & 4 ? upper.z : lower.z};
+    return all;
+  }
 };
 Bounds bounds(std::span<const glm::vec3> points);
 

@@ -1,9 +1,12 @@
 #include "fastibl/shading/cut_to_view.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "fastibl/shading/cut_polygon.h"
 
 namespace fastibl {
 namespace {
@@ -12,8 +15,8 @@ constexpr int kSteps = 16;       // along each side of the picture: lenses bend 
 constexpr double kMargin = 0.1;  // of the picture's size
 constexpr int kSides = 32;       // of the polygon within the circle up to which a lens model goes
 constexpr double kBend = 0.2;    // pixels that a lens may bend an edge before it is halved
-constexpr double kFarthest = 1000;           // on the plane z = 1
-constexpr int kMostHalved = 32;              // times that a triangle is halved
+constexpr double kFarthest = 1000;  // on the plane z = 1
+constexpr int kMostHalved = 32;     // times that a triangle is halved
 // A lens model that fits no lens may bend everything: beyond so many parts edges stay straight.
 constexpr std::size_t kMostParts = 1 << 16;
 
@@ -40,6 +43,13 @@ Box seen(const Lens& lens, const Camera& camera) {
   return {lower - margin, upper + margin};
 }
 
+std::array<ViewPlane, 4> sides_of(const Box& box) {
+  return {{{{1, 0, -box.lower.x}, 0},
+           {{-1, 0, box.upper.x}, 0},
+           {{0, 1, -box.lower.y}, 0},
+           {{0, -1, box.upper.y}, 0}}};
+}
+
 // A polygon's corner as it is cut: one of the mesh's vertices, or a new one.
 struct Corner {
   glm::dvec3 position;
@@ -54,17 +64,9 @@ Corner crossing(const Corner& inner, const Corner& outer, double inside, double 
           -1};
 }
 
-// Sutherland and Hodgman 1974.
-void cut(const ViewVolume::Plane& plane, std::vector<Corner>& polygon, std::vector<Corner>& kept) {
-  kept.clear();
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Corner &a = polygon[i], &b = polygon[i + 1 < polygon.size() ? i + 1 : 0];
-    const double at_a = plane.at(a.position), at_b = plane.at(b.position);
-    if (at_a >= 0) kept.push_back(a);
-    if (at_a >= 0 && at_b < 0) kept.push_back(crossing(a, b, at_a, at_b));
-    if (at_a < 0 && at_b >= 0) kept.push_back(crossing(b, a, at_b, at_a));
-  }
-  polygon.swap(kept);
+void cut(const ViewPlane& plane, std::vector<Corner>& polygon, std::vector<Corner>& kept) {
+  cut_polygon(
+      polygon, kept, [&](const Corner& c) { return plane.at(c.position); }, crossing);
 }
 
 // Gives a new corner its number.
@@ -160,6 +162,11 @@ bool may_be_bent(const Mesh& mesh, const Pose& camera_from_mesh, double least) {
   });
 }
 
+std::vector<ViewPlane> picture_sides(const Camera& camera) {
+  const auto sides = sides_of(seen(Lens(camera), camera));
+  return {sides.begin(), sides.end()};
+}
+
 ViewVolume::ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh,
                        double least)
     : lens_(camera),
@@ -178,8 +185,7 @@ ViewVolume::ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camer
   };
   nearest_ = std::min(1e-4, 1e-3 * farthest);
   add_plane({0, 0, 1}, -nearest_);
-  add_plane({1, 0, -lower.x}, 0), add_plane({-1, 0, upper.x}, 0);
-  add_plane({0, 1, -lower.y}, 0), add_plane({0, -1, upper.y}, 0);
+  for (const ViewPlane& side : sides_of({lower, upper})) add_plane(side.normal, 0);
   const glm::dvec2 reach = glm::max(glm::abs(lower), glm::abs(upper));
   if (glm::length(reach) < limit) return;
   const double radius = (1 - 1e-6) * limit * std::cos(std::numbers::pi / kSides);
@@ -191,7 +197,7 @@ ViewVolume::ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camer
 
 bool ViewVolume::holds(const glm::dvec3& point) const {
   return std::all_of(planes_.begin(), planes_.end(),
-                     [&](const Plane& plane) { return plane.at(point) >= 0; });
+                     [&](const ViewPlane& plane) { return plane.at(point) >= 0; });
 }
 
 glm::dvec2 ViewVolume::ideal(const glm::dvec3& point) const {
@@ -234,7 +240,7 @@ CutMesh cut_to_view(const Mesh& mesh, const ViewVolume& volume) {
       polygon.push_back({glm::dvec3(mesh.vertices[corner(k)]), weights, int(corner(k))});
     }
     result.replaced[i] = 1;
-    for (const ViewVolume::Plane& plane : volume.planes()) {
+    for (const ViewPlane& plane : volume.planes()) {
       if (whole || polygon.empty()) break;
       cut(plane, polygon, kept);
     }

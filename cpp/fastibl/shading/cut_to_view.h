@@ -26,6 +26,16 @@ class LeastBent {
 // Whether a triangle has an edge at least as long as that. The mesh must be before the camera.
 bool may_be_bent(const Mesh& mesh, const Pose& camera_from_mesh, double least);
 
+struct ViewPlane {
+  glm::dvec3 normal;  // inwards
+  double shift;
+  double at(const glm::dvec3& p) const { return glm::dot(normal, p) + shift; }
+};
+
+// The four sides of what a perspective camera's picture shows, and a tenth of its size around, as
+// planes through the camera, in its frame.
+std::vector<ViewPlane> picture_sides(const Camera& camera);
+
 // The part of space that a perspective camera's picture shows, and somewhat more, as planes in the
 // mesh's frame. All points in it lie within the lens model and before the camera, by 0.1 mm or a
 // thousandth of the mesh's farthest depth, whichever is less.
@@ -35,12 +45,7 @@ class ViewVolume {
   ViewVolume(const Mesh& mesh, const Camera& camera, const Pose& camera_from_mesh, double least);
   bool holds(const glm::dvec3& point) const;
 
-  struct Plane {
-    glm::dvec3 normal;  // inwards
-    double shift;
-    double at(const glm::dvec3& p) const { return glm::dot(normal, p) + shift; }
-  };
-  const std::vector<Plane>& planes() const { return planes_; }
+  const std::vector<ViewPlane>& planes() const { return planes_; }
   double depth(const glm::dvec3& point) const { return planes_[0].at(point) + nearest_; }
   glm::dvec2 ideal(const glm::dvec3& point) const;  // on the plane z = 1
   // Whether the lens bends the line between two points of the plane z = 1 by 0.2 pixels.
@@ -51,7 +56,7 @@ class ViewVolume {
   Pose camera_from_mesh_;
   glm::dvec2 focal_;        // pixels
   double nearest_, least_;  // depth, metres; least_bent()
-  std::vector<Plane> planes_;
+  std::vector<ViewPlane> planes_;
 };
 
 struct CutMesh {

@@ -26,7 +26,6 @@ constexpr int kResolution = 128;  // of a map, by default
 constexpr int kLeastOuter = 64;   // texels along an edge of the outer map, if the inner has as many
 constexpr int kDirections = 16;   // whose bits a thread makes together
 constexpr double kUnseen = 1 / 510.0;  // half a step of an 8-bit picture
-constexpr double kFarthest = 8;        // extent of the outer map, by that of the inner
 constexpr double kMostExtent = std::numeric_limits<float>::max();
 constexpr int kSectors = 64;  // of the plane around the object
 constexpr double kSectorAngle = 2 * std::numbers::pi / kSectors;
@@ -308,7 +307,7 @@ float outer_extent(std::span<const LightDirection> light, const SphereSet& spher
       glm::dvec3& sum = lost[std::size_t(((i % kSectors) + kSectors) % kSectors)];
       sum += glm::dvec3(light[k].share);
       if (std::max(std::max(sum.x, sum.y), sum.z) > kUnseen)
-        return float(std::min({reach, kFarthest * inner, kMostExtent}));
+        return float(std::min({reach, kMostOuter * inner, kMostExtent}));
     }
   }
   return 0;
@@ -437,13 +436,11 @@ namespace {
 // plane.
 SphereSet corners_of(const ShadowTriangles& mesh) {
   if (mesh.empty()) return {};
-  const ShadowTriangles::Box box = mesh.box();
+  const Bounds box = mesh.box();
   const glm::vec3 size = box.upper - box.lower;
   const float radius = 1e-6f * std::max({size.x, size.y, size.z});
   SphereSet corners;
-  for (int k = 0; k < 8; ++k)
-    corners.emplace_back(k & 1 ? box.upper.x : box.lower.x, k & 2 ? box.upper.y : box.lower.y,
-                         k & 4 ? box.upper.z : box.lower.z, radius);
+  for (const glm::vec3& corner : box.corners()) corners.emplace_back(corner, radius);
   return corners;
 }
 

@@ -24,8 +24,9 @@ void sum_shares(std::span<const PlaneBits> bits, std::span<const glm::ivec4> sha
                 Image<float>& ratio, bool fading = false);
 
 // Half the edge of a map around `grid` beyond which no ratio changes by more than 1/510, judged by
-// the light that passes through the spheres' bounding sphere; at most 8 times that of the grid. 0
-// where the grid itself is enough.
+// the light that passes through the spheres' bounding sphere; at most kMostOuter times that of the
+// grid. 0 where the grid itself is enough.
+inline constexpr float kMostOuter = 8;
 float outer_extent(std::span<const LightDirection> light, const SphereSet& spheres,
                    const PlaneGrid& grid, const NearPlane& near_plane = {});
 

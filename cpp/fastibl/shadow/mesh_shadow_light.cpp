@@ -171,7 +171,7 @@ void MeshShadowLight::draw_directions(const ShadowTriangles& triangles, const Se
 // The grid around the shadows that the compact lights of both sets cast; of extent 0 where it would
 // be hardly finer than the map, or reach beyond all.
 PlaneGrid MeshShadowLight::fine_grid(const MeshShadow& shadow, const ShadowTriangles& triangles) {
-  const ShadowTriangles::Box box = triangles.box();
+  const Bounds box = triangles.box();
   glm::vec2 lower(std::numeric_limits<float>::infinity()), upper(-lower);
   for (Set* set : {&now_, before_ ? &*before_ : nullptr})
     for (std::size_t k = 0; set && fine_ > 0 && k < set->compact.size(); ++k) {

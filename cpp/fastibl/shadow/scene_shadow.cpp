@@ -20,7 +20,33 @@ Mesh coarser(const Mesh& mesh) {
   return coarse.triangles.empty() ? mesh : coarse;
 }
 
+// The square in which the spheres' map and the coarser one around it lie.
+PlaneSquare outermost(const SphereSet& spheres) {
+  ShadowMap map;
+  place_map(spheres, {}, map);
+  return {map.centre, kMostOuter * map.extent};
+}
+
 }  // namespace
+
+PlaneSquare farthest_shadow(const Scene& scene, ShadowMethod method) {
+  method = scene.shadow_method(method);
+  const bool drawn = method == ShadowMethod::mesh || method == ShadowMethod::directions;
+  if (!scene.baked_shadow || !drawn) return outermost(scene.placed_spheres());
+  const auto motion = scene.baked_shadow->motion(scene.marker_from_object);
+  if (motion && method == ShadowMethod::directions) return outermost(scene.placed_spheres());
+  if (motion) {
+    const PlaneGrid& outer = scene.baked_shadow->outer();
+    return {*motion * outer.centre, outer.extent};
+  }
+  // The box of the triangles above the plane is somewhere within the placed one.
+  SphereSet corners;
+  for (const glm::vec3& p : bounds(scene.given_mesh().vertices).corners())
+    corners.emplace_back(glm::vec3(scene.marker_from_object * glm::dvec3(p)), 1e-6f);
+  PlaneSquare square = outermost(corners);
+  square.extent *= 1 + 1 / kMostOuter;
+  return square;
+}
 
 ShadowMap SceneShadow::cast(const CubeMap& radiance, glm::vec3 plane_irradiance, const Scene& scene,
                             const ShadowOptions& options, const NearLights& near_lights) {

@@ -10,6 +10,14 @@
 
 namespace fastibl {
 
+// A square of the marker plane, [centre − extent, centre + extent], metres.
+struct PlaneSquare {
+  glm::vec2 centre{0};
+  float extent = 0;
+};
+// Outside of it the map that `cast` makes by this method has a ratio of 1, whatever the light.
+PlaneSquare farthest_shadow(const Scene& scene, ShadowMethod method);
+
 // To be kept from frame to frame, for one object at a time: what is still right of the last map
 // stays.
 class SceneShadow {

@@ -35,10 +35,7 @@ class ShadowTriangles {
 
   bool empty() const { return a_.empty(); }
   int count() const { return int(a_.size()); }
-  struct Box {
-    glm::vec3 lower{0}, upper{0};
-  };
-  const Box& box() const { return box_; }  // of all vertices
+  const Bounds& box() const { return box_; }  // of all vertices
   // The same triangles, moved along the plane.
   ShadowTriangles moved(const PlaneMotion& motion) const;
 
@@ -65,7 +62,7 @@ class ShadowTriangles {
 
   std::vector<float> x_, y_, z_;         // vertices
   std::vector<std::int32_t> a_, b_, c_;  // triangles, corners in ascending order
-  Box box_;
+  Bounds box_{glm::vec3(0), glm::vec3(0)};
 };
 
 }  // namespace fastibl

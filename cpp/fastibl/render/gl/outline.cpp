@@ -38,13 +38,10 @@ Outline outline_of(const Mesh& mesh, const Camera& camera, const Pose& camera_fr
   Outline outline;
   if (mesh.vertices.empty() || mesh.triangles.empty()) return outline;
   const Area picture{0, 0, camera.width, camera.height};
-  const Bounds box = bounds(mesh.vertices);
   Box ideal;  // on the plane z = 1
   double nearest = std::numeric_limits<double>::infinity(), farthest = -nearest;
-  for (int i = 0; i < 8; ++i) {
-    const glm::dvec3 p = camera_from_object * glm::dvec3(i & 1 ? box.upper.x : box.lower.x,
-                                                         i & 2 ? box.upper.y : box.lower.y,
-                                                         i & 4 ? box.upper.z : box.lower.z);
+  for (const glm::vec3& corner : bounds(mesh.vertices).corners()) {
+    const glm::dvec3 p = camera_from_object * glm::dvec3(corner);
     nearest = std::min(nearest, p.z), farthest = std::max(farthest, p.z);
     ideal.add(glm::dvec2(p) / p.z);
   }
