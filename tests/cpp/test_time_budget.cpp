@@ -45,6 +45,15 @@ TEST_CASE("steps are taken back, but not soon to where frames were late") {
   CHECK(add(time, 10 * TimeBudget::kFrames, 0.8 * kBudget) == 0);  // in time, and not far quicker
 }
 
+TEST_CASE("frames that shade nothing are quick whatever the plan") {
+  TimeBudget time;
+  for (int k = 0; k < 20 * TimeBudget::kFrames; ++k)
+    CHECK_FALSE(time.add(kQuick, kPlanned, kBudget, false));
+  CHECK(time.slowdown() == 1);
+  for (int k = 0; k < 4; ++k) time.add(kSlow, kPlanned, kBudget, false);
+  CHECK(time.slowdown() == 1.25);  // late is late
+}
+
 TEST_CASE("where no plan is cheaper the light is spread, and stays so for a while") {
   TimeBudget time;
   CHECK(add(time, 4, kSlow, 2 * kBudget) == 0);

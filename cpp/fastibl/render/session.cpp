@@ -146,9 +146,10 @@ void Session::choose_methods() {
 }
 
 // Steps the time budget, but never where the same bits must come out again.
-void Session::watch_time(double milliseconds) {
+void Session::watch_time(double milliseconds, bool shaded) {
   if (options_.milliseconds == 0 || !options_.adapt) return;
-  if (time_.add(milliseconds, plan_.milliseconds, options_.milliseconds)) judge_.choose_anew();
+  if (time_.add(milliseconds, plan_.milliseconds, options_.milliseconds, shaded))
+    judge_.choose_anew();
 }
 
 const Camera& Session::drawn_camera() const {
@@ -553,7 +554,10 @@ void Session::process(const Frame& given, FrameResult& result) {
   }
   result.timings["total"] = total.seconds();
   // In the first light methods are judged, and all that is kept is made.
-  if (was_lit) watch_time(1e3 * processor.seconds());
+  if (was_lit) {
+    const auto ran = std::find(result.passes.begin(), result.passes.end(), PassId::shade);
+    watch_time(1e3 * processor.seconds(), ran != result.passes.end());
+  }
 }
 
 }  // namespace fastibl

@@ -120,7 +120,7 @@ class Session {
   void choose_methods();     // where the light has changed, or the time budget asks for it
   void update_plan(bool choose = false);  // the lines and their errors; if asked, new methods
   void make_stale();                      // all that depends on methods
-  void watch_time(double milliseconds);
+  void watch_time(double milliseconds, bool shaded);
   void choose_turn(const Frame& frame);
   void follow_surroundings(const Frame& frame, FrameResult& result);
   RigCapture::Turn pictures_turn() const;

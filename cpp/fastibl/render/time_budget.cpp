@@ -4,10 +4,10 @@
 
 namespace fastibl {
 
-bool TimeBudget::add(double milliseconds, double planned, double budget) {
+bool TimeBudget::add(double milliseconds, double planned, double budget, bool shaded) {
   constexpr double kUp = 1.25, kDown = 0.9, kLeast = 0.3;
   if (failed_ > 0 && ++since_failed_ > kForget) failed_ = 0;
-  times_.push_back(milliseconds);
+  times_.push_back(shaded ? milliseconds : std::max(milliseconds, kSlack * budget));
   int slow = 0;
   for (const double t : times_) slow += t > budget;
   double next = slowdown_;

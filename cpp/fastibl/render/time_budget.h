@@ -9,7 +9,7 @@ namespace fastibl {
 // by a quarter, so that the next plan is cheaper; where no plan is cheaper, the light's work is
 // spread over frames. If all of them are far quicker than the budget, these steps are taken back,
 // the slowdown by a tenth; but for kForget frames never to where frames were too slow, so that
-// nothing swings.
+// nothing swings. Frames that shade nothing are quick whatever the plan: they take nothing back.
 class TimeBudget {
  public:
   static constexpr int kFrames = 30;     // frames that are looked at
@@ -19,8 +19,9 @@ class TimeBudget {
   double slowdown() const { return slowdown_; }
   bool spreads() const { return spreads_; }  // see LightTurns
   // planned: milliseconds of a frame by the plan; where these exceed the budget already, no plan is
-  // cheaper. True where the slowdown changed; call restart() if that leads to another plan.
-  bool add(double milliseconds, double planned, double budget);
+  // cheaper. shaded: whether the object was shaded anew. True where the slowdown changed; call
+  // restart() if that leads to another plan.
+  bool add(double milliseconds, double planned, double budget, bool shaded = true);
   void restart() { times_.clear(); }
 
  private:
