@@ -22,7 +22,8 @@ def session(**options):
 
 
 def meanwhile(work, other, calls):
-    """Calls `work` so often while another thread calls `other`, again and again; how often that was."""
+    """Calls `work` at least so often while another thread calls `other`, again and again; how often that was. On a busy
+    machine the other thread may begin late: it is waited for."""
     done, count = threading.Event(), 0
 
     def again():
@@ -34,8 +35,10 @@ def meanwhile(work, other, calls):
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(again)
         try:
-            for k in range(calls):
+            for k in range(20 * calls):
                 work(k)
+                if k >= calls and count > 10:
+                    break
         finally:
             done.set()
         running.result()
