@@ -429,6 +429,25 @@ def test_unseen_texels_take_a_mean_of_what_is_near():
     assert worst < 1e-4
 
 
+def test_the_unseen_follows_stills_at_once():
+    """Several pictures of one time: what nobody saw is a mean of all of them, not of the first ones."""
+    camera, size = camera_of(), 16  # a tile is a texel
+    capture, seen = fastibl.Capture(size=size, centre=CENTRE), np.zeros((6, size, size), bool)
+    d, angles, _ = fastibl.reference.samples(np.zeros((6, size, size, 3)))
+    up = d[:, 2] > 0
+    for light, towards in ((1.0, (0.4, 1, 0.5)), (4.0, (-1, -0.3, 0.6)), (0.3, (0.9, -0.6, 0.5))):
+        pose = looking(towards)
+        capture.add(np.full((camera.height, camera.width, 3), light, np.float32), camera, pose)
+        values = capture.environment().radiance.faces.reshape(-1, 3)[:, 0].astype(float)
+        seen |= seen_in(camera, pose, size)
+        side, missing = (mask.reshape(-1) & up for mask in (seen, ~seen))
+        squares = ((d[missing][:, None] - d[side]) ** 2).sum(axis=-1)
+        weights = angles[side] / (squares + 0.01) ** 4
+        off = np.abs(values[missing] / (weights @ values[side] / weights.sum(axis=1)) - 1)
+        print(f"light of {light}: unseen within {off.max():.4f} of the weighted mean of the seen")
+        assert off.max() < 0.025  # a fill that is 2 % off stays
+
+
 def test_the_unseen_runs_evenly_from_tile_to_tile():
     """Between texels that nobody saw light changes no more across the edges of tiles than within them."""
     cube, camera, size, tile = smooth_map(), camera_of(), 64, 4

@@ -165,7 +165,7 @@ Capture::Capture(CaptureOptions options)
     for (int tile = 0; tile < grid_.count(); ++tile)
       if (unseen_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
     std::vector<int> all;
-    unseen_.update({}, sums_, tile_projected_, 0, all);
+    unseen_.update({}, sums_, tile_projected_, 0, true, all);
   }
   for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
 }
@@ -365,12 +365,13 @@ bool Capture::read_meter(const Picture& picture, KnownCamera& k, const RowPoses&
 void Capture::take_changes(const std::vector<int>& changed, int refills) {
   bool all_refills = refills == grid_.count();
   std::vector<int> refilled, boosted;
+  last_taken_ = time_;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   const bool unmatched = prior_ && !prior_->matched();
   if (all_refills || unmatched || ++pictures_ % kPicturesPerFill == 0) {
     if (prior_ && match_prior(refilled)) refills = grid_.count(), all_refills = true;
     if (options_.most_boost > 1) boost_lights(boosted);
-    unseen_.update(new_sums_, sums_, tile_projected_, time_, refilled);
+    unseen_.update(new_sums_, sums_, tile_projected_, time_, all_refills, refilled);
     new_sums_.clear();
   }
   const std::uint64_t version = new_tile_version();
@@ -447,7 +448,8 @@ void Capture::make_levels(int tile) {
 int Capture::refills_after(double time, const Camera& camera) const {
   // Pictures without times of their own are stills, not a film.
   const bool still = time == time_ && last_camera_ == camera;
-  const double share = still ? 1 : std::clamp((time - time_) / kRefillTime, kLeastRefill, 1.0);
+  const double share =
+      still ? 1 : std::clamp((time - last_taken_) / kRefillTime, kLeastRefill, 1.0);
   return int(share * grid_.count());
 }
 

@@ -274,6 +274,7 @@ class Capture {
   CaptureOptions options_;
   TileGrid grid_;
   double time_ = -1e30;
+  double last_taken_ = -1e30;  // of the last picture that was not left out
   TileOutlines outlines_;
   Surroundings surroundings_;
   SphereSweep sweep_;

@@ -157,7 +157,7 @@ void Capture::renew_all() {
     versions_[std::size_t(tile)] = version;
   }
   new_sums_.clear();
-  unseen_.update(all, sums_, tile_projected_, time_, refilled);
+  unseen_.update(all, sums_, tile_projected_, time_, true, refilled);
   for (const int tile : all)
     if (!refill(tile)) make_levels(tile);
 }

@@ -120,19 +120,20 @@ UnseenTiles::Sources UnseenTiles::sources(bool above, const std::vector<TileSums
   return out;
 }
 
-void UnseenTiles::interpolate(bool above, const Sources& from, bool all,
+void UnseenTiles::interpolate(bool above, const Sources& from, bool first, bool at_once,
                               const std::vector<TileSums>& sums, std::vector<int>& refilled) {
   const float* const arrays[7] = {from.x.data(),       from.y.data(),        from.z.data(),
                                   from.weight.data(),  from.value[0].data(), from.value[1].data(),
                                   from.value[2].data()};
-  for (int tile = all ? 0 : calls_ % kSlices; tile < grid_.count(); tile += all ? 1 : kSlices) {
+  const int step = first || at_once ? 1 : kSlices;
+  for (int tile = calls_ % step; tile < grid_.count(); tile += step) {
     const std::size_t i = std::size_t(tile);
     if (bool(above_[i]) != above || sums[i].count == tile_rect(grid_, tile).texels()) continue;
     const float d[3] = {x_[i], y_[i], z_[i]};
     float total[4];
     sum_nearness(arrays, int(from.x.size()), d, total);
     const glm::vec3 value = glm::vec3(total[1], total[2], total[3]) / std::max(total[0], 1e-37f);
-    if (!all && !moved(fill_[i], value, kMoved)) continue;
+    if (!first && !moved(fill_[i], value, kMoved)) continue;
     fill_[i] = value;
     append_with_neighbours(tile, refilled);
   }
@@ -220,7 +221,7 @@ glm::vec3 UnseenTiles::sky_without_pictures(const std::vector<TileSums>& sums) c
 }
 
 void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSums>& sums,
-                         const std::vector<double>& tile_projected, double time,
+                         const std::vector<double>& tile_projected, double time, bool at_once,
                          std::vector<int>& refilled) {
   const bool had[2] = {seen_[0], seen_[1]};
   for (const int tile : changed) {
@@ -233,7 +234,7 @@ void UnseenTiles::update(std::span<const int> changed, const std::vector<TileSum
   ++calls_;
   for (const int half : {0, 1})
     if (seen_[half] && !changed.empty() && !(half && given_sky_))
-      interpolate(half, sources(half, sums, time), !had[half], sums, refilled);
+      interpolate(half, sources(half, sums, time), !had[half], at_once, sums, refilled);
   if (!seen_[1] && !given_sky_) fill_half(true, sky_without_pictures(sums), refilled);
   find_brightness(sums, tile_projected, refilled);
   if (!seen_[0]) {

@@ -32,9 +32,10 @@ class UnseenTiles {
 
   // Takes the sums of all tiles at `time` (seconds), of which those of `changed` are new, and
   // appends the tiles whose fill changed to `refilled`, some of them more than once. Once a half of
-  // the sphere has a fill, each tile is looked at in every fourth call.
+  // the sphere has a fill, each tile is looked at in every fourth call; or all at once.
   void update(std::span<const int> changed, const std::vector<TileSums>& sums,
-              const std::vector<double>& tile_projected, double time, std::vector<int>& refilled);
+              const std::vector<double>& tile_projected, double time, bool at_once,
+              std::vector<int>& refilled);
 
   // From now on the sky is known from elsewhere: its fills are given, and those of the plane
   // follow.
@@ -61,8 +62,8 @@ class UnseenTiles {
     std::vector<float> x, y, z, weight, value[3];
   };
   Sources sources(bool above, const std::vector<TileSums>& sums, double time) const;
-  void interpolate(bool above, const Sources& from, bool all, const std::vector<TileSums>& sums,
-                   std::vector<int>& refilled);
+  void interpolate(bool above, const Sources& from, bool first, bool at_once,
+                   const std::vector<TileSums>& sums, std::vector<int>& refilled);
   // Appends a tile and those around it, whose fills blend into it.
   void append_with_neighbours(int tile, std::vector<int>& refilled) const;
   void find_brightness(const std::vector<TileSums>& sums, const std::vector<double>& tile_projected,
