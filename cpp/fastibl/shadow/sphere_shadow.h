@@ -1,6 +1,7 @@
-// Shadow of spheres on the marker plane z = 0 with one look-up for each sphere: the paper's method.
-// Each sphere is a cap of the sky that blocks its projected solid angle times the radiance at its
-// centre, from the MIP level of its solid angle.
+// Shadow of spheres on the marker plane z = 0 with one look-up for each sphere: the paper's method
+// (section 3.3; its formulas are in its supplement, so these are our reading). Each sphere is a cap
+// of the sky that blocks its projected solid angle times the radiance at its centre, from the MIP
+// level of its solid angle.
 //
 // Spheres that overlap are counted more than once, so on a fitted set (50 overlapping spheres) the
 // error is about 0.2 RMS; single or separate spheres are exact under a uniform sky.
