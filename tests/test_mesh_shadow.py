@@ -418,7 +418,7 @@ LEANING = {
 @pytest.mark.parametrize("method", ["mesh", "directions"])
 @pytest.mark.parametrize("name", LEANING)
 def test_an_object_that_does_not_stand_casts_its_own_shadow(name, method, backend):
-    """Its spheres cover a fifth of a plate."""
+    """Its spheres leave a third of a plate uncovered."""
     if backend == "gl" and not fastibl._fastibl.with_gl:
         pytest.skip("built without GL")
     make, turn, shift = LEANING[name]

@@ -100,6 +100,36 @@ def test_volume_and_silhouette(name):
     assert volume < volume_limit and silhouette < silhouette_limit
 
 
+def chair():
+    """A seat, a back and four legs: corners (6, 2, 3) of boxes, and the mesh of them."""
+    legs = [((x, y, 0), (x + 0.06, y + 0.06, 0.45)) for x in (0, 0.44) for y in (0, 0.44)]
+    corners = np.array([((0, 0, 0.45), (0.5, 0.5, 0.5)), ((0, 0.45, 0.5), (0.5, 0.5, 1)), *legs])
+    parts = [box(upper - lower) for lower, upper in corners]
+    vertices = np.concatenate([p.vertices + lower for p, (lower, _) in zip(parts, corners, strict=True)])
+    return corners, fastibl.Mesh(vertices, np.concatenate([p.triangles + 8 * i for i, p in enumerate(parts)]))
+
+
+def test_shadow_on_the_plane_that_a_mesh_stands_on():
+    """Suns at 35 degrees: area that is wrongly dark or light, of the shadow's; gaps and feet are in it."""
+    corners, mesh = chair()
+    spheres, errors = fastibl.fit_spheres(mesh).astype(float), []
+    points = np.stack(np.meshgrid(np.linspace(-1.6, 2.1, 200), np.linspace(-1.6, 2.1, 200), [0.0]), -1).reshape(-1, 3)
+    for turn in np.arange(6) * np.pi / 3 + 0.2:
+        d = np.array([np.cos(turn), np.sin(turn), np.tan(np.radians(35))])
+        d /= np.linalg.norm(d)
+        dark, covered = np.zeros((2, len(points)), bool)
+        for lower, upper in corners:
+            a, b = (lower - points) / d, (upper - points) / d
+            dark |= np.maximum(np.minimum(a, b).max(1), 0) < np.maximum(a, b).min(1)
+        for *centre, r in spheres:
+            away = centre - points
+            beside = away - np.maximum(away @ d, 0)[:, None] * d
+            covered |= (beside**2).sum(1) < r * r
+        errors.append((dark != covered).sum() / dark.sum())
+    print("a chair's shadows:", np.round(errors, 3))
+    assert np.mean(errors) < 0.1
+
+
 def test_more_spheres_are_closer():
     mesh = torus()
     errors = [silhouette_error(mesh, fastibl.fit_spheres(mesh, count=k)) for k in (4, 12, 50)]

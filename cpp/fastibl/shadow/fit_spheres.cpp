@@ -8,6 +8,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/shadow/outlines.h"
 #include "fastibl/shadow/refine_spheres.h"
 #include "fastibl/shadow/voxel_surface.h"
 #include "fastibl/shadow/voxels.h"
@@ -150,8 +151,8 @@ bool smaller_gain(const Ball& a, const Ball& b) { return a.gain < b.gain; }
 
 // Greedy: takes the ball of the largest gain each time. Gains seldom rise when a ball is chosen, so
 // an old gain serves as bound (lazy greedy, Minoux 1978). In voxels.
-SphereSet cover(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, int count) {
-  std::vector<Ball> balls = ridge_balls(squared_distances(inside, grid), grid);
+SphereSet cover(const std::vector<std::uint8_t>& inside, std::vector<Ball> balls,
+                const VoxelGrid& grid, int count) {
   Cover state(inside, balls, grid);
   weigh(balls, state);
   std::vector<Ball> heap = balls, chosen;
@@ -174,6 +175,17 @@ SphereSet cover(const std::vector<std::uint8_t>& inside, const VoxelGrid& grid, 
   for (const Ball& ball : chosen)
     spheres.emplace_back(float(ball.x), float(ball.y), float(ball.z), ball.radius);
   return spheres;
+}
+
+// The balls that are inscribed, smaller by the voxel in which the surface may run.
+SphereSet filling_of(const std::vector<Ball>& balls) {
+  SphereSet filling;
+  for (std::size_t i = 0; i < balls.size(); i += std::size(kRadii)) {
+    const Ball& ball = balls[i];
+    const float radius = ball.radius - kRadii[0] - 1;
+    if (radius > 0) filling.emplace_back(float(ball.x), float(ball.y), float(ball.z), radius);
+  }
+  return filling;
 }
 
 // Points spread over the surface with the area that each stands for.
@@ -255,8 +267,10 @@ SphereSet fit_spheres(const Mesh& mesh, const FitSpheresOptions& options) {
     const VoxelGrid grid = make_voxel_grid(box, options.resolution, shift_of(options.seed));
     const std::vector<std::uint8_t> inside = inside_voxels(mesh, grid);
     if (std::find(inside.begin(), inside.end(), 1) != inside.end()) {
-      spheres = refine_spheres(cover(inside, grid, options.count),
-                               surface_points(mesh, grid, inside), inside, grid);
+      const std::vector<Ball> balls = ridge_balls(squared_distances(inside, grid), grid);
+      spheres = refine_spheres(cover(inside, balls, grid, options.count),
+                               surface_points(mesh, grid, inside), inside, grid,
+                               outlines_of(mesh, filling_of(balls), grid));
       for (glm::vec4& s : spheres)
         s = glm::vec4(glm::vec3(grid.origin + grid.cell * glm::dvec3(glm::vec3(s))),
                       float(grid.cell * double(s.w)));

@@ -13,8 +13,9 @@ struct FitSpheresOptions {
 };
 
 // At most `count` spheres (mesh frame) whose union has the volume and, above all, the outlines of
-// the mesh: a greedy cover of its voxels, whose centres and radii are then refined. The bits are
-// the same for the same mesh and options, with any number of threads. Open, flipped and torn meshes
+// the mesh: a greedy cover of its voxels, whose centres and radii are then refined. Outlines are
+// those from above, as the mesh stands with its lowest point on a plane z = const. The bits are the
+// same for the same mesh and options, with any number of threads. Open, flipped and torn meshes
 // work: a point is inside when most lines through it say so, or when all of them meet triangles on
 // both sides of it.
 // A mesh that encloses nothing (flat, or thinner than a voxel everywhere) gets spheres spread over

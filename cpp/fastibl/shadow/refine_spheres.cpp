@@ -1,7 +1,6 @@
 #include "fastibl/shadow/refine_spheres.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -9,8 +8,9 @@
 
 #include "fastibl/core/lanes.h"
 #include "fastibl/core/parallel.h"
-#include "fastibl/core/solve.h"
+#include "fastibl/shadow/outline_fit.h"
 #include "fastibl/shadow/outline_weights.h"
+#include "fastibl/shadow/sphere_step.h"
 #include "fastibl/shadow/voxel_surface.h"
 
 namespace fastibl {
@@ -70,18 +70,6 @@ Samples arrange(const std::vector<SurfacePoint>& points, const std::vector<float
   }
   return s;
 }
-
-// Whether the voxel at a point is inside.
-struct Inside {
-  const std::vector<std::uint8_t>& voxels;
-  const VoxelGrid& grid;
-  bool operator()(glm::vec3 p) const {
-    const glm::ivec3 at(glm::floor(p + 0.5f));
-    for (int i = 0; i < 3; ++i)
-      if (at[i] < 0 || at[i] >= grid.size[i]) return false;
-    return voxels[std::size_t(grid.index(at.x, at.y, at.z))];
-  }
-};
 
 // How the spheres lie to each point. Only a sphere with its centre behind the point's surface can
 // have its own surface there; one with its centre in front must merely not contain the point.
@@ -170,19 +158,11 @@ double cost(const Samples& s, const Nearest& nearest) {
   return sum;
 }
 
-// Normal equations of one sphere for (centre, radius).
-struct Equations {
-  std::array<double, 16> matrix{};
-  std::array<double, 4> right{};
-  double weight = 0;
-};
-
 // One step of all spheres: each is fitted to the points nearest to it, by least squares whose
 // weights, 1/|distance|, make them least absolute values. `softness`: distance below which they are
-// squares after all. The step is damped, because it makes points change hands. Centres stay inside.
-void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, SphereSet& spheres,
-          float softness) {
-  std::vector<Equations> all(spheres.size());
+// squares after all.
+void add_step(const Samples& s, const Nearest& nearest, const SphereSet& spheres, float softness,
+              std::vector<SphereEquations>& all) {
   const auto add = [&](std::size_t i, std::int32_t sphere, float e) {
     const glm::vec4& c = spheres[std::size_t(sphere)];
     const float length = e + c.w;
@@ -190,7 +170,7 @@ void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, Sph
     const glm::vec3 u = length > 1e-6f ? away / length : glm::vec3(0);
     const float w = s.weight[i] / std::sqrt(e * e + softness * softness);
     const float row[4] = {u.x, u.y, u.z, 1};  // −∂e/∂(centre, radius)
-    Equations& q = all[std::size_t(sphere)];
+    SphereEquations& q = all[std::size_t(sphere)];
     for (std::size_t a = 0; a < 4; ++a) {
       for (std::size_t b = 0; b <= a; ++b) q.matrix[4 * a + b] += double(w * row[a] * row[b]);
       q.right[a] += double(w * row[a] * e);
@@ -201,33 +181,25 @@ void step(const Samples& s, const Nearest& nearest, const Inside& is_inside, Sph
     if (nearest.distance[i] < kMost) add(i, nearest.sphere[i], nearest.distance[i]);
     if (nearest.depth[i] < 0) add(i, nearest.intruder[i], nearest.depth[i]);
   }
-  for (std::size_t j = 0; j < spheres.size(); ++j) {
-    Equations& q = all[j];
-    if (!(q.weight > 0)) continue;
-    for (std::size_t a = 0; a < 4; ++a) q.matrix[5 * a] += 0.02 * q.weight;
-    if (!solve_in_place(q.matrix, q.right)) continue;
-    const auto& x = q.right;
-    const glm::vec4 change = 0.7f * glm::vec4(x[0], x[1], x[2], x[3]);
-    const float most = std::max(1.0f, 0.2f * spheres[j].w), length = glm::length(change);
-    const glm::vec4 before = spheres[j];
-    spheres[j] += length > most ? change * (most / length) : change;
-    if (!is_inside(glm::vec3(spheres[j]))) spheres[j] = glm::vec4(glm::vec3(before), spheres[j].w);
-    spheres[j].w = std::max(spheres[j].w, 0.3f);
-  }
 }
 
-// Keeps the best of `iterations` steps.
+// Keeps the best of `iterations` steps. outlines: what to fit besides, if anything.
 double descend(const Samples& s, const Inside& is_inside, SphereSet& spheres, Nearest& nearest,
-               int iterations, float from, float to) {
+               int iterations, float from, float to, OutlineFit* outlines = nullptr) {
   SphereSet best = spheres;
   double lowest = std::numeric_limits<double>::infinity();
+  float moved = 0;
+  std::vector<SphereEquations> equations;
   for (int k = 0; k <= iterations; ++k) {
+    const float softness = from * std::pow(to / from, float(k) / float(iterations));
     find_nearest(s, spheres, nearest);
-    const double now = cost(s, nearest);
+    equations.assign(spheres.size(), {});
+    double now = cost(s, nearest);
+    if (outlines) now += outlines->add_step(spheres, moved, softness, equations);
     if (now < lowest) lowest = now, best = spheres;
-    if (k < iterations)
-      step(s, nearest, is_inside, spheres,
-           from * std::pow(to / from, float(k) / float(iterations)));
+    if (k == iterations) break;
+    add_step(s, nearest, spheres, softness, equations);
+    moved += move_spheres(equations, is_inside, spheres);
   }
   spheres = best;
   find_nearest(s, spheres, nearest);
@@ -304,7 +276,7 @@ class Uncovered {
 
 SphereSet refine_spheres(SphereSet spheres, std::vector<SurfacePoint> points,
                          const std::vector<std::uint8_t>& inside, const VoxelGrid& grid,
-                         const SphereRefineOptions& options) {
+                         const Outlines& outlines, const SphereRefineOptions& options) {
   if (spheres.empty() || points.empty()) return spheres;
   std::stable_sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
     return morton(a.position) < morton(b.position);
@@ -328,10 +300,11 @@ SphereSet refine_spheres(SphereSet spheres, std::vector<SurfacePoint> points,
     SphereSet changed = spheres;
     changed[least] = {point.position - radius * point.normal, radius};
     Nearest after;
-    const double now = descend(s, is_inside, changed, after, 12, 0.5f, 0.25f);
+    const double now = descend(s, is_inside, changed, after, 8, 0.5f, 0.25f);
     if (now < lowest) lowest = now, spheres = changed, nearest = after;
   }
-  descend(s, is_inside, spheres, nearest, options.iterations, 0.5f, 0.1f);
+  OutlineFit fit(outlines);
+  descend(s, is_inside, spheres, nearest, options.last_iterations, 0.5f, 0.1f, &fit);
   return spheres;
 }
 
