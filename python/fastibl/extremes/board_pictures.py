@@ -63,27 +63,29 @@ def render(
 ):
     """(height, width, 3) uint8. blur: sigma in pixels, in linear light; noise: that of a white pixel, linear."""
     page = page_of(board, dpi)
-    y, x = (np.mgrid[: camera.height * fine, : camera.width * fine] + 0.5) / fine
-    rays = _rays(camera, fine, x, y)
-    pose = np.asarray(camera_from_marker, np.float64)
-    marker_from_camera = np.linalg.inv(pose)
-    directions = rays @ marker_from_camera[:3, :3].T.astype(np.float32)
-    origin = marker_from_camera[:3, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = -origin[2] / directions[..., 2]
-    px = (origin[0] + distance * directions[..., 0] + board.width / 2) / board.width * page.shape[1] - 0.5
-    py = (board.height / 2 - origin[1] - distance * directions[..., 1]) / board.height * page.shape[0] - 0.5
-    px[~(distance > 0)] = -10
-    ink = cv2.remap(
-        page,
-        px.astype(np.float32),
-        py.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=-1,
-    )
-    light = np.where(ink < 0, table, black + (white - black) * np.clip(ink, 0, 1))
-    light = light.reshape(camera.height, fine, camera.width, fine).mean((1, 3)) * exposure
+    rays = _rays(camera, fine)
+    marker_from_camera = np.linalg.inv(np.asarray(camera_from_marker, np.float64))
+    turn, origin = marker_from_camera[:3, :3].T.astype(np.float32), marker_from_camera[:3, 3]
+    light = np.empty((camera.height, camera.width))
+    # Some rows at a time, whose rays fit the processor's cache.
+    rows = max(1, _AT_ONCE // (fine * fine * camera.width))
+    for first in range(0, camera.height, rows):
+        directions = rays[first * fine : (first + rows) * fine] @ turn
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = -origin[2] / directions[..., 2]
+        px = (origin[0] + distance * directions[..., 0] + board.width / 2) / board.width * page.shape[1] - 0.5
+        py = (board.height / 2 - origin[1] - distance * directions[..., 1]) / board.height * page.shape[0] - 0.5
+        px[~(distance > 0)] = -10
+        ink = cv2.remap(
+            page,
+            px.astype(np.float32),
+            py.astype(np.float32),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=-1,
+        )
+        seen = np.where(ink < 0, table, black + (white - black) * np.clip(ink, 0, 1))
+        light[first : first + rows] = seen.reshape(-1, fine, camera.width, fine).mean((1, 3)) * exposure
     if blur:
         light = cv2.GaussianBlur(light, (0, 0), blur)
     rng = np.random.default_rng(seed)
@@ -93,13 +95,16 @@ def render(
     return np.rint(255 * encode(light)).astype(np.uint8)
 
 
+_AT_ONCE = 1 << 15  # rays
 _ray_cache: dict[tuple, NDArray[np.float32]] = {}
 
 
-def _rays(camera, fine, x, y):
+def _rays(camera, fine):
+    """Through all parts of all pixels (fine · height, fine · width, 3)."""
     key = (repr(camera), camera.distortion, camera.model, fine)
     if key not in _ray_cache:
         K = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+        y, x = (np.mgrid[: camera.height * fine, : camera.width * fine] + 0.5) / fine
         pixels = np.stack([x, y], -1).reshape(-1, 1, 2)
         # OpenCV's own inverse of the lens model, not fastibl's; K is in the same pixel convention as x and y.
         undistort = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
