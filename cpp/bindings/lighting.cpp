@@ -309,8 +309,9 @@ void bind_lighting(py::module_& module) {
       py::arg("cos_view"), py::arg("exponent"),
       R"(Directional albedo rho(theta_v, s) of Eq. 3 (Croubois et al. 2014), from the library's table.
 
-cos_view: cos theta_v of any shape, any float dtype. exponent: s >= 0. Returns float32 of that shape, within 0.002.
-Raises ValueError for a negative exponent.)");
+cos_view: cos theta_v of any shape, any float dtype, clamped to [0, 1]; NaN counts as 0. exponent: s >= 0, may be
+infinite. Returns float32 of that shape, within 0.002.
+Raises ValueError for a negative or NaN exponent, TypeError for integers.)");
 }
 
 }  // namespace fastibl::bindings

@@ -54,7 +54,7 @@ const std::vector<float>& albedo_table() {
 float directional_albedo(float cos_view, float exponent) {
   constexpr int n = kAlbedoTableSize;
   const std::vector<float>& table = albedo_table();
-  const float x = std::clamp(cos_view, 0.0f, 1.0f) * (n - 1);
+  const float x = cos_view > 0 ? std::min(cos_view, 1.0f) * (n - 1) : 0;  // NaN, too, is a place
   const float y = shared::albedo_coordinate(exponent) * (n - 1);
   const int ix = std::min(int(x), n - 2), iy = std::min(int(y), n - 2);
   const float fx = x - float(ix), fy = y - float(iy);

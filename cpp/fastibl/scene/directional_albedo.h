@@ -12,7 +12,7 @@ namespace fastibl {
 inline constexpr int kAlbedoTableSize = 64;
 const std::vector<float>&
 albedo_table();  // row: exponent coordinate, column: cos θ_v, ends included
-float directional_albedo(float cos_view, float exponent);
+float directional_albedo(float cos_view, float exponent);  // cos_view: clamped; NaN counts as 0
 
 // The factor by which ρ is multiplied for a normalisation. With the exact factor
 // (s + 2)(s + 4)/(8π(2^{−s/2} + s)) the albedo at normal incidence is 1 for every s.
