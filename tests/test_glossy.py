@@ -173,3 +173,23 @@ def test_gl_equals_cpu(method, environment, half, monkeypatch):
         scene = fastibl.Scene(test_gl.torus(), material, spheres=0, visibility_rays=0)
         made = test_gl.both(scene, camera, cube, frame, {"glossy": method, "diffuse": "sh9"})
         test_gl.compare_products(made, frame.back, object_tolerance=2e-4 if half == "0" else 2e-3)
+
+
+@pytest.mark.parametrize("method", fastibl.methods("glossy"), ids=str)
+def test_normals_that_are_not_numbers_do_no_harm(method):
+    """They read no memory outside the table of the directional albedo, which ended the process."""
+    lighting = fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3))), glossy=method)
+    for normalization in ("energy", "paper", "exact"):
+        got = lighting.glossy(np.full((9, 3), np.nan), [0, 0, 1], 4.0, normalization)
+        assert got.shape == (9, 3) and np.isfinite(got).all()
+
+
+def test_the_directional_albedo_of_any_cosine():
+    beyond = fastibl.directional_albedo(np.array([np.nan, -np.inf, -2, 0, 1, 2, np.inf]), 4.0)
+    np.testing.assert_array_equal(beyond, beyond[[3, 3, 3, 3, 4, 4, 4]])
+
+
+def test_an_exponent_that_does_not_broadcast_is_named():
+    lighting = fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3))))
+    with pytest.raises(ValueError, match=r"exponent must be a number or broadcast to \(4,\), got shape \(3,\)"):
+        lighting.glossy(np.ones((4, 3)), np.ones((4, 3)), np.ones(3))

@@ -102,8 +102,7 @@ texels in that part of a face. With them, what is made from a map can be renewed
             } else {
               std::vector<py::ssize_t> shape = shape_vector(in);
               shape.pop_back();
-              levels = py::module_::import("numpy").attr("broadcast_to")(
-                  require_floats<float>(level, "level"), py::tuple(py::cast(shape)));
+              levels = broadcast_floats(level, "level", shape);
             }
             Floats out(shape_vector(in));
             const glm::vec3* d = vectors(in);

@@ -141,8 +141,15 @@ inline Floats broadcast_floats(const py::object& value, const char* name,
                                const std::vector<py::ssize_t>& shape) {
   const py::module_ numpy = py::module_::import("numpy");
   const Floats array = require_numbers(value, name);
-  return Floats::ensure(numpy.attr("ascontiguousarray")(
-      numpy.attr("broadcast_to")(array, py::tuple(py::cast(shape)))));
+  const py::tuple wanted{py::cast(shape)};
+  try {
+    return Floats::ensure(
+        numpy.attr("ascontiguousarray")(numpy.attr("broadcast_to")(array, wanted)));
+  } catch (py::error_already_set& error) {
+    if (!error.matches(PyExc_ValueError)) throw;
+    throw py::value_error(std::string(name) + " must be a number or broadcast to " +
+                          std::string(py::str(wanted)) + ", got shape " + shape_of(array));
+  }
 }
 
 // uint8 or uint16 encoded RGB, or float linear RGB, (height, width, 3). `keep` owns the memory
