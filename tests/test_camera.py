@@ -282,3 +282,24 @@ def test_replace_changes_what_is_named():
         camera.replace(readout=-1.0)
     with pytest.raises(TypeError):
         camera.replace(shutter=0.1)
+
+
+def test_opencvs_distortion_as_opencv_returns_it():
+    """cv2.calibrateCamera returns a row, cv2.fisheye.calibrate a column."""
+    K = camera_with().opencv_matrix
+    plain = fastibl.Camera.from_opencv(K, LENSES["five"], SIZE)
+    for shape in ((5,), (1, 5), (5, 1)):
+        assert fastibl.Camera.from_opencv(K, np.reshape(LENSES["five"], shape), SIZE) == plain
+    assert fastibl.Camera.from_opencv(K, np.zeros(4, int), SIZE) == fastibl.Camera.from_opencv(K, [0, 0, 0, 0], SIZE)
+    with pytest.raises(ValueError, match=r"distortion must have shape \(n,\), \(1, n\) or \(n, 1\), got \(2, 2\)"):
+        fastibl.Camera.from_opencv(K, np.zeros((2, 2)), SIZE)
+    with pytest.raises(TypeError, match="distortion must be an array of floats, got NoneType"):
+        fastibl.Camera.from_opencv(K, None, SIZE)
+    with pytest.raises(TypeError, match="distortion must hold numbers, got dtype object"):
+        fastibl.Camera.from_opencv(K, np.array([None] * 4), SIZE)
+
+
+def test_a_curve_has_one_axis():
+    assert fastibl.Response.from_curve(fastibl.Response.srgb().curve) == fastibl.Response.srgb()
+    with pytest.raises(ValueError, match=r"curve must have shape \(n,\), got \(1, 3\)"):
+        fastibl.Response.from_curve([[0.0, 0.5, 1.0]])

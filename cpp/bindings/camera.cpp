@@ -35,12 +35,14 @@ void bind_response(py::module_& module) {
           "from_curve",
           [](const py::object& curve) {
             const Floats array = require_floats<float>(curve, "curve");
+            if (array.ndim() != 1)
+              throw py::value_error("curve must have shape (n,), got " + shape_of(array));
             return Response::from_curve({array.data(), array.data() + array.size()});
           },
           py::arg("curve"),
           "Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the "
-          "black level and 1 from the white level on, strictly increasing between them. Raises "
-          "ValueError for other values.")
+          "black level and 1 from the white level on, strictly increasing between them; none, as "
+          "`curve` tells of sRGB, for the sRGB curve. Raises ValueError for other values.")
       .def("between", &Response::between, py::arg("black"), py::arg("white"),
            "The same curve between other encoded levels, to an eighth of an 8-bit code: "
            "Response.srgb().between(16 / 255, 235 / 255) for video whose black is 16 and white "
@@ -91,6 +93,21 @@ void bind_response(py::module_& module) {
                      [](const py::tuple& t) { return Response{t[0].cast<std::vector<float>>()}; }));
 }
 
+// Coefficients as OpenCV returns them: a row, a column, or plain numbers.
+std::vector<double> opencv_distortion(const py::object& given) {
+  const py::array any = require_array(given, "distortion");
+  if (any.dtype().kind() != 'f' && any.dtype().kind() != 'i')
+    throw py::type_error("distortion must hold numbers, got dtype " +
+                         std::string(py::str(any.dtype())));
+  const Doubles array = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(any);
+  const bool vector =
+      array.ndim() == 1 || (array.ndim() == 2 && (array.shape(0) == 1 || array.shape(1) == 1));
+  if (!vector)
+    throw py::value_error("distortion must have shape (n,), (1, n) or (n, 1), got " +
+                          shape_of(array));
+  return {array.data(), array.data() + array.size()};
+}
+
 void bind_making(py::class_<Camera>& camera_class) {
   camera_class
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
@@ -132,7 +149,7 @@ void bind_making(py::class_<Camera>& camera_class) {
           "height: pixels. Raises ValueError for a size below 1.")
       .def_static(
           "from_opencv",
-          [](const py::object& K, std::vector<double> distortion, std::pair<int, int> size,
+          [](const py::object& K, const py::object& distortion, std::pair<int, int> size,
              const std::optional<Response>& response, double gain, std::vector<double> vignetting,
              double readout, const std::string& model, double field_of_view) {
             const Doubles k = require_floats<double>(K, "K");
@@ -147,7 +164,7 @@ void bind_making(py::class_<Camera>& camera_class) {
                   "are expected");
             Camera camera =
                 Camera::from_opencv(size.first, size.second, k.at(0, 0), k.at(1, 1), k.at(0, 2),
-                                    k.at(1, 2), std::move(distortion), camera_model(model));
+                                    k.at(1, 2), opencv_distortion(distortion), camera_model(model));
             camera.response = response.value_or(Response{});
             camera.gain = gain, camera.vignetting = std::move(vignetting), camera.readout = readout;
             camera.field_of_view = field_of_view;
@@ -159,7 +176,8 @@ void bind_making(py::class_<Camera>& camera_class) {
           py::arg("readout") = 0.0, py::arg("model") = "perspective",
           py::arg("field_of_view") = 360.0,
           "Makes a camera from OpenCV's camera matrix (3, 3), whose pixel centres are whole "
-          "numbers; size = (width, height). model: \"perspective\", or \"fisheye\" for a camera "
+          "numbers. distortion: numbers, or an array (n,), (1, n) or (n, 1) as OpenCV returns it. "
+          "size: (width, height). model: \"perspective\", or \"fisheye\" for a camera "
           "calibrated by cv2.fisheye. Raises ValueError for other shapes, a wrong number of "
           "coefficients or another model.");
 }
