@@ -533,3 +533,27 @@ def _half(board, camera, image, parity):
     grey = _grey(image, camera)
     tags = [t for t in detect(grey, board, camera)[0] if (t[0] // 6 + t[0] % 6) % 2 == parity]
     return _track(tags, None, board, camera, "board", grey).camera_from_marker
+
+
+@pytest.mark.parametrize("method", ["edges", "board", "frame-marker"])
+def test_bad_times_and_hints_are_refused_also_before_a_pose(method):
+    camera = vga()
+    tracker, black = fastibl.Tracker(fastibl.Board.default(), camera, method), np.zeros((480, 640, 3), np.uint8)
+    assert tracker.track(black, 1.0) is None
+    for time in (0.5, np.nan):
+        with pytest.raises(ValueError, match=f"time must not run backwards: {time} s after 1.0 s"):
+            tracker.track(black, time)
+    with pytest.raises(ValueError, match="but the camera is"):
+        tracker.track(black[:9], 9.0)
+    assert tracker.track(black, 2.0) is None, "a refused picture counts as the last one"
+    with pytest.raises(ValueError, match="turn must be finite"):
+        tracker.track(black, turn=(np.nan, 0, 0))
+    with pytest.raises(ValueError, match="gravity must be finite"):
+        tracker.track(black, gravity=(0, 0, np.inf))
+    tracker.reset()
+    assert tracker.track(black, 0.0) is None
+
+
+def test_a_gravity_without_a_direction_is_refused():
+    with pytest.raises(ValueError, match="gravity_in_marker must be finite and not 0"):
+        fastibl.Tracker(fastibl.Board.default(), vga(), gravity_in_marker=(0, 0, 0))

@@ -93,7 +93,8 @@ class Tracker:
     steady motion by that time; 0, the default, for no filter.
     gravity_in_marker: (3,) direction of down in the marker frame, used where track() is given gravity; the default is a
     board lying on a table.
-    Raises ValueError for another method, or a smoothing below 0.
+    Raises ValueError for another method, a smoothing below 0, a camera that is not perspective, or a gravity_in_marker
+    that is no direction.
     """
 
     def __init__(
@@ -111,8 +112,8 @@ class Tracker:
         self._edges, self._lock, self._time = None, threading.Lock(), -math.inf
         if self.method in ("auto", "edges"):
             gravity = np.asarray(gravity_in_marker, np.float64)
-            if not np.isfinite(gravity).all():
-                raise ValueError(f"gravity_in_marker must be finite, got {str(gravity_in_marker)}")
+            if not np.isfinite(gravity).all() or not gravity.any():
+                raise ValueError(f"gravity_in_marker must be finite and not 0, got {str(gravity_in_marker)}")
             self._edges = _EdgeTracker(board, camera, smoothing=float(smoothing), gravity_in_marker=gravity)
 
     def track(
@@ -128,16 +129,24 @@ class Tracker:
         image: (height, width, 3) RGB, uint8 or uint16 (encoded) or float (linear), of the camera's size. time: seconds,
         not decreasing; None means 1/30 s after the last picture. If other sensors tell them, for "edges" alone and in
         the camera frame: turn, rotation vector (3,) of the camera since the last picture with a pose, as integrated by
-        a gyroscope (now_from_before); gravity, (3,) downwards. Raises ValueError for another size or shape or for time
-        that runs backwards, TypeError for another dtype.
+        a gyroscope (now_from_before); gravity, (3,) downwards. Raises ValueError for another size or shape, for time
+        that runs backwards and for what is not finite, TypeError for another dtype.
         """
-        if self._edges is not None:
-            with self._lock:  # pictures are tracked one after the other, whichever threads ask
-                return self._edges.track(image, time, detect, turn, gravity)
-        if time is not None:
-            if not (math.isfinite(time) and time >= self._time):
+        for name, vector in (("turn", turn), ("gravity", gravity)):
+            if vector is not None and not np.isfinite(np.asarray(vector, np.float64)).all():
+                raise ValueError(f"{name} must be finite, got {str(vector)}")
+        with self._lock:  # pictures are tracked one after the other, whichever threads ask
+            if time is not None and not (math.isfinite(time) and time >= self._time):
                 raise ValueError(f"time must not run backwards: {time} s after {self._time} s")
-            self._time = time
+            found = self._track(image, time, turn, gravity)
+            self._time = self._time if time is None else time
+            return found
+
+    def _track(
+        self, image: ArrayLike, time: float | None, turn: ArrayLike | None, gravity: ArrayLike | None
+    ) -> Tracked | None:
+        if self._edges is not None:
+            return self._edges.track(image, time, detect, turn, gravity)
         grey = _grey(image, self.camera)
         tags, start = detect(grey, self.board, self.camera)
         return _track(tags, start, self.board, self.camera, self.method, grey if self.refine else None)
