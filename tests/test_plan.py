@@ -597,3 +597,16 @@ def test_a_light_is_judged_once_for_all_budgets(monkeypatch):
         plan = fastibl.make_plan(kept, light, **asked)
         assert len(judged) == anew, (change, asked)
         assert str(plan) == str(fastibl.make_plan(fresh, light, **asked)), (change, asked)
+
+
+def test_a_pose_may_be_a_matrix():
+    camera = fastibl.Camera(64, 48, 60.0, 60.0, 32.0, 24.0)
+    pose = fastibl.Pose.look_at((0.3, 0.0, 0.3), (0.0, 0.0, 0.0))
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
+    white = fastibl.CubeMap(np.ones((6, 8, 8, 3)))
+    plans = [
+        fastibl.make_plan(scene, white, error=0.02, cast_shadow=False, camera=camera, camera_from_marker=given)
+        for given in (pose, pose.matrix, pose.matrix)
+    ]
+    assert plans[0].methods == plans[1].methods == plans[2].methods
+    assert plans[0].expected_error == plans[1].expected_error == plans[2].expected_error

@@ -704,3 +704,35 @@ def test_an_untold_exposure_is_read_off_the_boards_white_where_the_light_is_give
     print("object, untold by told exposure:", ratio.round(3))
     assert np.abs(ratio - 1).max() < 0.12  # the paper's albedo is taken for 0.85
     assert np.ptp(ratio) < 0.03
+
+
+@pytest.mark.parametrize(
+    "options, error, message",
+    [
+        ({"size": 8.0}, TypeError, "size must be a whole number, got float"),
+        ({"prior": 3}, TypeError, "prior must be CubeMap, got int"),
+        ({"cast_shadow": "no"}, TypeError, "cast_shadow must be bool, got str"),
+        ({"backend": None}, TypeError, "backend must be str, got None"),
+        ({"box": [[0, 0, 0]]}, ValueError, r"box must have shape \(2, 3\), got \(1, 3\)"),
+        ({"box": "room"}, ValueError, r"box must be numbers of shape \(2, 3\), got 'room'"),
+        ({"front_ratio": (1, 1)}, ValueError, r"front_ratio must have shape \(3,\), got \(2,\)"),
+        ({"front_ratio": 1.0}, ValueError, r"front_ratio must have shape \(3,\), got \(\)"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_the_argument_that_is_wrong_is_named(options, error, message):
+    """And not the environment, of which None is right."""
+    with pytest.raises(error, match=message):
+        fastibl.Session(ball(spheres=0), RIG, cast_shadow=options.pop("cast_shadow", False), **options)
+
+
+def test_a_frame_without_a_new_shadow_has_the_last():
+    session = fastibl.Session(ball(), RIG, environment=WHITE)
+    ahead = fastibl.Pose.look_at(EYE, (0, -1.0, 0.5))
+    empty = session.process(given(0.0, back_from_marker=ahead)).shadow_map
+    assert empty.image.size == 0 and (empty.sample(np.zeros((2, 2))) == 1).all()
+    cast = session.process(given(1.0)).shadow_map
+    later = session.process(given(2.0, back_from_marker=ahead)).shadow_map
+    np.testing.assert_array_equal(later.image, cast.image)
+    session.set_cast_shadow(False)
+    assert session.process(given(3.0)).shadow_map.image.size == 0

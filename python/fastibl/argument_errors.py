@@ -132,6 +132,7 @@ def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
         if key not in {p.name for p in every}:
             return f"{name} takes no {key}: {names}"
     given.update(kwargs)
+    maybe = ""  # None is no error for arguments that pybind11 takes by pointer: the signature does not tell which
     for p in every:
         if p.name not in given:
             if p.needed:
@@ -139,9 +140,14 @@ def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
             continue
         value, what = given[p.name], "it" if re.fullmatch(r"arg\d", p.name) else p.name
         if not isinstance(value, p.kinds or object):
+            if value is None and all(kind.__module__ == _fastibl.__name__ for kind in p.kinds):
+                maybe = maybe or wrong_type(value, p.kinds, what)
+                continue
             return wrong_type(value, p.kinds, what)
         if not p.has_room_for(value):
             return f"{what} must be a whole number from 0 to {2**31 - 1}, got {repr(value)}"
+    if maybe:
+        return maybe
     holders = [p for p in every if "[" in p.annotation and p.name in given]
     if len(holders) == 1:
         return f"{holders[0].name} must be {holders[0].expected()}, got {repr(given[holders[0].name])}"

@@ -9,6 +9,7 @@ from typing import Any
 from weakref import WeakKeyDictionary, ref
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board as _CoreBoard
 from ._fastibl import (
@@ -54,7 +55,7 @@ def make_plan(
     costs: Mapping[str, float] | None = None,
     offline: bool = False,
     camera: Camera | None = None,
-    camera_from_marker: Pose | None = None,
+    camera_from_marker: Pose | ArrayLike | None = None,
 ) -> Plan:
     """Makes the plan of a frame; print it to see what each pass costs.
 
@@ -63,7 +64,7 @@ def make_plan(
     `costs`.
 
     environment: what is known of the light; a CubeMap counts as known everywhere.
-    error, milliseconds: budgets, 0 for none.
+    error, milliseconds: budgets, None or 0 for none; error is at most 1.
     methods: "auto", "paper", a mapping from step to method, or another plan's.
     track, capture: whether the poses and the map come from pictures; by default capture is True when no environment is
     given.
@@ -71,11 +72,11 @@ def make_plan(
     costs: this machine's costs in nanoseconds by name, see fastibl.costs.machine_costs; a built-in table by default.
     offline: True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per
     picture.
-    camera, camera_from_marker: those of the planned picture; errors are those of this picture. Without them, or where
-    the picture shows nothing of the object, the frame has 640 x 480 pixels, errors are those of eight views all round,
-    and what is promised holds for the worst view.
+    camera, camera_from_marker: those of the planned picture, Camera and Pose or (4, 4); errors are those of this
+    picture. Without them, or where the picture shows nothing of the object, the frame has 640 x 480 pixels, errors are
+    those of eight views all round, and what is promised holds for the worst view.
     A scene without a baked_shadow gets one, as in Session.
-    Raises ValueError for unknown names, negative budgets, or a camera without its pose.
+    Raises ValueError for unknown names, budgets out of range, or a camera without its pose.
     """
     if (camera is None) != (camera_from_marker is None):
         raise ValueError("camera and camera_from_marker must both be given, or neither")
@@ -113,8 +114,9 @@ def make_plan(
 _SHOWN: WeakKeyDictionary[Scene, tuple[tuple[Camera, Pose], _SceneSamples | None]] = WeakKeyDictionary()
 
 
-def _shown(scene: Scene, camera: Camera, camera_from_marker: Pose) -> _SceneSamples | None:
-    picture = camera, camera_from_marker
+def _shown(scene: Scene, camera: Camera, camera_from_marker: Pose | ArrayLike) -> _SceneSamples | None:
+    pose = camera_from_marker if isinstance(camera_from_marker, Pose) else Pose(camera_from_marker)
+    picture = camera, pose
     if scene not in _SHOWN or _SHOWN[scene][0] != picture:
         _SHOWN[scene] = picture, _sample_scene(scene, *picture)
     return _SHOWN[scene][1]
@@ -146,6 +148,16 @@ def _budgets(error: float | None, milliseconds: float | None) -> tuple[float, fl
     return float(error or 0), float(milliseconds or 0)
 
 
+def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers of shape {shape}, got {values!r}") from None
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    return array
+
+
 def _known(environment: Environment | CubeMap | None) -> Environment | None:
     expect(environment, (Environment, CubeMap, type(None)), "environment")
     return Environment(environment) if isinstance(environment, CubeMap) else environment
@@ -158,8 +170,9 @@ class Session(_Session):
     rig: Rig (or only its back camera's).
     board: Board, or None if every frame comes with its pose.
     environment: Environment or CubeMap to use instead of capturing.
-    error, milliseconds: budgets of the plan: error as a share of the picture's light (0.02 is 2 %), and processor time
-    per frame. With a time budget one thread does the work, because several take more processor time in all.
+    error, milliseconds: budgets of the plan, None or 0 for none: error as a share of the picture's light, at most 1
+    (0.02 is 2 %), and processor time per frame. With a time budget one thread does the work, because several take more
+    processor time in all.
     methods: "auto", "paper" or a mapping from step to method.
     backend: "cpu", "gl", or "auto" (the CPU).
     detector: function (grey, board, camera) -> (tags, start), OpenCV's by default.
@@ -184,7 +197,7 @@ class Session(_Session):
     picture.
     A scene that has spheres but no baked_shadow gets one, for the shadow methods "auto" and "mesh": its mesh is baked,
     or the result is read from the cache on disk.
-    Raises ValueError for unknown names, RuntimeError where the GL back end cannot start.
+    Raises ValueError for unknown names and values out of range, RuntimeError where the GL back end cannot start.
     """
 
     def __init__(
@@ -238,9 +251,9 @@ class Session(_Session):
             size,
             cast_shadow,
             None if distance is None else float(distance),
-            None if box is None else [[float(x) for x in corner] for corner in box],
+            None if box is None else _numbers(box, (2, 3), "box").tolist(),
             bool(doubt_exposures),
-            [float(x) for x in front_ratio],
+            _numbers(front_ratio, (3,), "front_ratio").tolist(),
             bool(follow_surroundings),
             prior,
             float(paper_albedo),
@@ -336,7 +349,7 @@ class Session(_Session):
         self, error: float | None = None, milliseconds: float | None = None
     ) -> None:
         """Keep to other budgets from the next frame on; None or 0 means no budget. Raises ValueError for values that
-        are negative or not finite, TypeError for what is not a number."""
+        are negative or not finite and for an error above 1, TypeError for what is not a number."""
         super().set_budgets(*_budgets(error, milliseconds))
 
     def set_cast_shadow(self, cast: bool) -> None:
