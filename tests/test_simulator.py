@@ -362,3 +362,8 @@ def test_live_frames_are_the_same_each_time_they_are_iterated():
     assert len(alone) == 4
     for a, b, c in zip(frames, frames, alone, strict=True):
         assert a == b == c
+
+
+def test_true_maps_have_texels():
+    with pytest.raises(ValueError, match="truth_size must be at least 1 texel, got 0"):
+        fastibl.simulate(seconds=0.1, fps=10, size=(64, 48), truth_size=0)

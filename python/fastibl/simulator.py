@@ -461,6 +461,8 @@ def simulate(
         raise ValueError(f"shutter and readout must not exceed the {1 / fps:g} s between frames, got {longest} s")
     if gyro is not None and not (np.isfinite(gyro) and gyro >= 0):
         raise ValueError(f"gyro must be None or a finite noise of 0 or more, got {gyro}")
+    if truth_size < 1:
+        raise ValueError(f"truth_size must be at least 1 texel, got {truth_size}")
     if live and out is not None:
         raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
     place, has_lamp = _place_of(environment, albedo)
