@@ -84,10 +84,11 @@ void bind_result(py::module_& module) {
       .def_property_readonly(
           "image", [](const Result& r) { return image_array(r.frame.image); },
           "(h, w, 3) uint8 encoded RGB; (h, w, 4) with straight alpha where the frame had no back "
-          "picture.")
+          "picture. Where the board is not seen, or the view meets nothing of the scene, it is the "
+          "back picture alone; without one, transparent.")
       .def_property_readonly(
           "back_from_marker", [](const Result& r) { return r.frame.back_from_marker; },
-          "Pose, or None where the board is not seen; the image is then the back picture. For a "
+          "Pose, or None where the board is not seen. For a "
           "rolling shutter, it is the pose of the first row; the object is drawn with the pose of "
           "the row that shows its middle.")
       .def_property_readonly(
@@ -121,7 +122,9 @@ void bind_result(py::module_& module) {
                              })
       .def_property_readonly(
           "shadow_map", [](const Result& r) { return r.shadow; },
-          "ShadowMap of the frame, or None where none was cast.")
+          "ShadowMap of the frame. A frame that casts none, as nothing changed or nothing of the "
+          "scene is in view, has the last one; its image is empty where no shadow was cast yet, or "
+          "the shadow is switched off.")
       .def_property_readonly(
           "plan", [](const Result& r) { return r.plan; }, "The Plan by which the frame was made.")
       .def_property_readonly(
@@ -131,7 +134,8 @@ void bind_result(py::module_& module) {
             for (const PassId id : r.frame.passes) names.emplace_back(name(id));
             return names;
           },
-          "Names of the passes that ran, in order.")
+          "Names of the passes that ran, in order. While the view meets neither the object, nor a "
+          "real one, nor a place that the shadow can reach, they make nothing but light.")
       .def_property_readonly(
           "timings", [](const Result& r) { return r.frame.timings; },
           "Seconds by pass, and in total.")
@@ -220,16 +224,16 @@ void bind_products(py::class_<Session>& session_class) {
           "A copy of the Scene that is drawn: changes to it do not change the session.")
       .def_property_readonly(
           "shadow_map", [](Session& s) { return alone(s, [&] { return s.shadow_map(); }); },
-          "ShadowMap of the last frame: .image, .extent.")
+          "ShadowMap of the last frame, see FrameResult.shadow_map.")
       .def_property_readonly(
           "plane_gain", [](Session& s) { return alone(s, [&] { return s.plane_gain(); }); },
-          R"(ShadowMap by which the plane's picture was multiplied in the last frame.
+          R"(ShadowMap by which the plane's picture was multiplied in the last frame that drew the scene.
 
 Its ratio is the shadow's, changed by shadow strength and colour, plus the light that the object sends to the plane
 relative to what the plane gets without the object: it may exceed 1.)")
       .def_property_readonly(
           "object", [](Session& s) { return alone(s, [&] { return s.object(); }); },
-          "ObjectLayer of the last frame.")
+          "ObjectLayer of the last frame; empty where nothing was drawn.")
       .def_property_readonly(
           "holdout", [](Session& s) { return alone(s, [&] { return s.holdout(); }); },
           "ObjectLayer of the real objects in front of the virtual one in the last frame: the "
@@ -238,7 +242,7 @@ relative to what the plane gets without the object: it may exceed 1.)")
           "layers", [](Session& s) { return alone(s, [&] { return s.layers(); }); },
           R"(PictureLayers of the last frame: the layers from which its picture was composed, as floats.
 
-Without a board in view nothing covers the picture, and the ratio is 1.)")
+Without the board or anything of the scene in view nothing covers the picture, and the ratio is 1.)")
       .def_property_readonly("capture", &Session::capture,
                              py::return_value_policy::reference_internal,
                              "The Capture that receives the pictures.")

@@ -58,7 +58,8 @@ ShadowOptions require_options(const std::string& method, int directions, int res
   options.outer = outer;
   if (extent) {
     options.extent = *extent;
-    if (!(options.extent > 0)) throw py::value_error("extent must be above 0 metres");
+    if (!(options.extent > 0))
+      throw py::value_error("extent must be above 0 metres, got " + std::to_string(options.extent));
   }
   if (!centre.is_none()) {
     const Floats array = require_floats<float>(centre, "centre");
@@ -277,7 +278,7 @@ Raises ValueError for another shape or method and for numbers out of range.)");
 
 The directions stay where they are while the light changes, so that nothing flickers; when the light has moved, they are
 chosen anew and faded in over 32 maps. What a pose hides is kept as long as the pose does not change; when nothing
-changed, the last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to 4096.)")
+changed, the last map is returned. directions: how many stand for all light, see light_directions. Raises ValueError outside 8 to 4096.)")
       .def(py::init<int>(), py::arg("directions") = 256)
       .def(
           "cast",
@@ -320,9 +321,12 @@ changed, the last map is returned. directions: how many stand for all light. Rai
         return direction_arrays(light);
       },
       py::arg("cube"), py::arg("count") = 256,
-      R"(Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
-shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. Both are float32; there are
-none, (0, 3), without light. Raises ValueError for a count outside [8, 4096].)");
+      R"(Directions that stand for all light on the plane z = 0: unit vectors (k, 3) towards it, marker frame, and their shares
+(k, 3) of the plane's irradiance, which sum to 1 in each channel with light. Both are float32.
+
+count: k where the channels' light comes from the same places, as on real maps; otherwise up to three times as many, so
+that each channel has as many of its own. Without light there are none, (0, 3). Raises ValueError for a count outside
+[8, 4096].)");
 }
 
 }  // namespace fastibl::bindings

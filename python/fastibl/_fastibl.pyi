@@ -158,7 +158,7 @@ class Response:
     @staticmethod
     def from_curve(curve: typing.Any) -> Response:
         """
-        Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the black level and 1 from the white level on, strictly increasing between them. Raises ValueError for other values.
+        Linear values at evenly spaced encoded values, from 0 to 1: (n,) floats. 0 up to the black level and 1 from the white level on, strictly increasing between them; none, as `curve` tells of sRGB, for the sRGB curve. Raises ValueError for other values.
         """
     @staticmethod
     def gamma(exponent: typing.SupportsFloat | typing.SupportsIndex) -> Response:
@@ -230,9 +230,9 @@ class Camera:
         A 360° camera that sees all directions, with z in the middle of the picture. width, height: pixels. Raises ValueError for a size below 1.
         """
     @staticmethod
-    def from_opencv(K: typing.Any, distortion: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective', field_of_view: typing.SupportsFloat | typing.SupportsIndex = 360.0) -> Camera:
+    def from_opencv(K: typing.Any, distortion: typing.Any, size: tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex], response: Response | None = None, gain: typing.SupportsFloat | typing.SupportsIndex = 1.0, vignetting: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = [], readout: typing.SupportsFloat | typing.SupportsIndex = 0.0, model: str = 'perspective', field_of_view: typing.SupportsFloat | typing.SupportsIndex = 360.0) -> Camera:
         """
-        Makes a camera from OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers; size = (width, height). model: "perspective", or "fisheye" for a camera calibrated by cv2.fisheye. Raises ValueError for other shapes, a wrong number of coefficients or another model.
+        Makes a camera from OpenCV's camera matrix (3, 3), whose pixel centres are whole numbers. distortion: numbers, or an array (n,), (1, n) or (n, 1) as OpenCV returns it. size: (width, height). model: "perspective", or "fisheye" for a camera calibrated by cv2.fisheye. Raises ValueError for other shapes, a wrong number of coefficients or another model.
         """
     def __copy__(self) -> Camera:
         ...
@@ -1104,7 +1104,7 @@ class DirectionShadow:
 
     The directions stay where they are while the light changes, so that nothing flickers; when the light has moved, they are
     chosen anew and faded in over 32 maps. What a pose hides is kept as long as the pose does not change; when nothing
-    changed, the last map is returned. directions: how many stand for all light. Raises ValueError outside 8 to 4096.
+    changed, the last map is returned. directions: how many stand for all light, see light_directions. Raises ValueError outside 8 to 4096.
     """
     def __init__(self, directions: typing.SupportsInt | typing.SupportsIndex = 256) -> None:
         ...
@@ -1831,7 +1831,7 @@ class FrameResult:
     @property
     def back_from_marker(self) -> Pose | None:
         """
-        Pose, or None where the board is not seen; the image is then the back picture. For a rolling shutter, it is the pose of the first row; the object is drawn with the pose of the row that shows its middle.
+        Pose, or None where the board is not seen. For a rolling shutter, it is the pose of the first row; the object is drawn with the pose of the row that shows its middle.
         """
     @property
     def back_last_row(self) -> Pose | None:
@@ -1861,7 +1861,7 @@ class FrameResult:
     @property
     def image(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
-        (h, w, 3) uint8 encoded RGB; (h, w, 4) with straight alpha where the frame had no back picture.
+        (h, w, 3) uint8 encoded RGB; (h, w, 4) with straight alpha where the frame had no back picture. Where the board is not seen, or the view meets nothing of the scene, it is the back picture alone; without one, transparent.
         """
     @property
     def lighting(self) -> Lighting | None:
@@ -1871,7 +1871,7 @@ class FrameResult:
     @property
     def passes(self) -> list[str]:
         """
-        Names of the passes that ran, in order.
+        Names of the passes that ran, in order. While the view meets neither the object, nor a real one, nor a place that the shadow can reach, they make nothing but light.
         """
     @property
     def plan(self) -> Plan:
@@ -1886,7 +1886,7 @@ class FrameResult:
     @property
     def shadow_map(self) -> ShadowMap:
         """
-        ShadowMap of the frame, or None where none was cast.
+        ShadowMap of the frame. A frame that casts none, as nothing changed or nothing of the scene is in view, has the last one; its image is empty where no shadow was cast yet, or the shadow is switched off.
         """
     @property
     def timings(self) -> dict[str, float]:
@@ -1965,12 +1965,12 @@ class _Session:
         """
         PictureLayers of the last frame: the layers from which its picture was composed, as floats.
 
-        Without a board in view nothing covers the picture, and the ratio is 1.
+        Without the board or anything of the scene in view nothing covers the picture, and the ratio is 1.
         """
     @property
     def object(self) -> ObjectLayer:
         """
-        ObjectLayer of the last frame.
+        ObjectLayer of the last frame; empty where nothing was drawn.
         """
     @property
     def plan(self) -> Plan:
@@ -1980,7 +1980,7 @@ class _Session:
     @property
     def plane_gain(self) -> ShadowMap:
         """
-        ShadowMap by which the plane's picture was multiplied in the last frame.
+        ShadowMap by which the plane's picture was multiplied in the last frame that drew the scene.
 
         Its ratio is the shadow's, changed by shadow strength and colour, plus the light that the object sends to the plane
         relative to what the plane gets without the object: it may exceed 1.
@@ -1993,7 +1993,7 @@ class _Session:
     @property
     def shadow_map(self) -> ShadowMap:
         """
-        ShadowMap of the last frame: .image, .extent.
+        ShadowMap of the last frame, see FrameResult.shadow_map.
         """
 def _default_costs() -> dict[str, float]:
     """
@@ -2139,8 +2139,9 @@ def directional_albedo(cos_view: typing.Any, exponent: typing.SupportsFloat | ty
     """
     Directional albedo rho(theta_v, s) of Eq. 3 (Croubois et al. 2014), from the library's table.
 
-    cos_view: cos theta_v of any shape, any float dtype. exponent: s >= 0. Returns float32 of that shape, within 0.002.
-    Raises ValueError for a negative exponent.
+    cos_view: cos theta_v of any shape, any float dtype, clamped to [0, 1]; NaN counts as 0. exponent: s >= 0, may be
+    infinite. Returns float32 of that shape, within 0.002.
+    Raises ValueError for a negative or NaN exponent, TypeError for integers.
     """
 def due_passes(plan: Plan, wanted: collections.abc.Set[str], stale: collections.abc.Set[str]) -> tuple[list[str], set[str]]:
     """
@@ -2168,9 +2169,12 @@ def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typin
     """
 def light_directions(cube: CubeMap, count: typing.SupportsInt | typing.SupportsIndex = 256) -> tuple:
     """
-    Directions that stand for all light on the plane z = 0: unit vectors (count, 3) towards it, marker frame, and their
-    shares (count, 3) of the plane's irradiance, which sum to 1 in each channel with light. Both are float32; there are
-    none, (0, 3), without light. Raises ValueError for a count outside [8, 4096].
+    Directions that stand for all light on the plane z = 0: unit vectors (k, 3) towards it, marker frame, and their shares
+    (k, 3) of the plane's irradiance, which sum to 1 in each channel with light. Both are float32.
+
+    count: k where the channels' light comes from the same places, as on real maps; otherwise up to three times as many, so
+    that each channel has as many of its own. Without light there are none, (0, 3). Raises ValueError for a count outside
+    [8, 4096].
     """
 def main_lights(map: typing.Any, brightness: typing.SupportsFloat | typing.SupportsIndex = 8.0, least_share: typing.SupportsFloat | typing.SupportsIndex = 0.1) -> list[MainLight]:
     """

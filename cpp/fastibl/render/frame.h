@@ -47,7 +47,8 @@ struct FrameResult {
   // RGB; RGBA with straight alpha where neither the frame nor a texture (see GlRenderer) gives a
   // back picture. Without SessionOptions::read_back there is none: its width is 0.
   Image<std::uint8_t> image;
-  // Nothing where the board is not seen; `image` is then the back picture.
+  // Nothing where the board is not seen; `image` is then the back picture, as it is where nothing
+  // of the scene is in view.
   std::optional<Pose> back_from_marker;
   std::optional<Pose> back_last_row;  // for a rolling shutter, where its motion is known
   std::optional<Tracked> tracked;     // where the pose was tracked, not given

@@ -78,7 +78,8 @@ class Session {
 
   const Plan& plan() const { return plan_; }
   const SessionOptions& options() const { return options_; }
-  // These maps are there until the next frame: copy what is to be kept.
+  // These maps are there until the next frame: copy what is to be kept. A frame that casts no
+  // shadow leaves the last ones; they are empty before the first and while the shadow is off.
   const ShadowMap& shadow_map() { return renderer_->shadow_map(); }
   // What the plane's picture was multiplied by: the ratio as it is drawn, together with the light
   // from the object; it may exceed 1.
