@@ -237,7 +237,8 @@ def stand(mesh: Mesh, height: float | None = None, *, width: float | None = None
         unit = "" if name == "scale" else " (metres)"
         raise ValueError(f"{name} must be positive and finite{unit}, got {size}")
     vertices = mesh.vertices.astype(np.float64)
-    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    used = vertices[np.unique(mesh.triangles)]
+    lower, upper = used.min(axis=0), used.max(axis=0)
     x, y, z = upper - lower
     extent = {"height": z, "width": max(x, y), "scale": 1.0}[name]
     if not extent > 0:

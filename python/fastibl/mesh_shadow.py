@@ -20,7 +20,7 @@ from .expected import expect
 from .progress import reporting
 from .whole_file import whole_file
 
-_FORMAT = 3  # version of the files and of how a table is baked: another number makes older files stale
+_FORMAT = 4  # version of the files and of how a table is baked: another number makes older files stale
 _Options = tuple[int, float, int, int]  # resolution, extent, rings, samples
 _ARRAYS = tuple(table + array for table in ("", "outer_") for array in ("begin", "cells", "cover", "run_begin", "runs"))
 # What reading a damaged file raises; MemoryError if its header claims an impossibly large array.

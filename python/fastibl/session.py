@@ -284,7 +284,8 @@ class Session(_Session):
             frame.attitude,
         )
         if frame.back_from_marker is not None and self._given_poses.due:
-            vertices = self._drawn.mesh.vertices
+            mesh = self._drawn.mesh
+            vertices = mesh.vertices[np.unique(mesh.triangles)]
             middle = 0.5 * (vertices.min(axis=0).astype(float) + vertices.max(axis=0))
             places = np.array([(0.0, 0.0, 0.0), self.scene.marker_from_object @ middle])
             drawn = bool(self.object.rgba[..., 3].any())

@@ -5,6 +5,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/render/scene_samples.h"
+#include "fastibl/scene/stray_vertices.h"
 #include "fastibl/shading/ambient_occlusion.h"
 #include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shading/refine_mesh.h"
@@ -49,7 +50,6 @@ void add_directions(const SceneOptions& options, bool backs, Scene& scene) {
     interpolate(refined, scene.visibility);
     scene.mean_normals = std::move(scene.normals);
     interpolate(refined, scene.mean_normals);
-    scene.given = std::make_shared<const Mesh>(std::move(scene.mesh));
     scene.mesh = std::move(refined.mesh);
     scene.normals = vertex_normals(scene.mesh);
   }
@@ -89,6 +89,8 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
         options.visibility_rays);
   tell(options.progress, 0);
   mesh = with_creases(turned_outwards(std::move(mesh)));
+  const auto given = std::make_shared<const Mesh>(mesh);
+  mesh = without_strays(std::move(mesh));
   Scene scene;
   scene.normals = vertex_normals(mesh);
   scene.visibility.assign(mesh.vertices.size(), 1.0f);
@@ -112,6 +114,7 @@ Scene make_scene(Mesh mesh, const Material& material, const Pose& marker_from_ob
   scene.mesh = std::move(mesh);
   if (options.visibility_rays > 0 && options.direction_cells != 0)
     add_directions(options, !scene.fronts_only, scene);
+  if (scene.mesh != *given) scene.given = given;
   scene.tangents = vertex_tangents(scene.mesh, scene.normals);
   scene.material = material;
   scene.marker_from_object = marker_from_object;

@@ -10,6 +10,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/scramble.h"
 #include "fastibl/scene/bvh.h"
+#include "fastibl/scene/stray_vertices.h"
 
 namespace fastibl {
 namespace {
@@ -81,7 +82,7 @@ std::vector<float> ambient_occlusion(const Mesh& mesh, const AmbientOcclusionOpt
   const std::vector<glm::vec3> local = cosine_directions(options.rays);
   const Bvh bvh(mesh);
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
-  const float offset = kOffset * bounds(mesh.vertices).radius();
+  const float offset = kOffset * bounds(without_strays(mesh).vertices).radius();
   std::vector<float> visibility(mesh.vertices.size());
   parallel_for(progress, kAtOnce, int(visibility.size()), 64, [&](int begin, int end) {
     DirectionSet directions(options.rays);

@@ -165,7 +165,7 @@ void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
   const std::optional<LobeShape> lobe = scene.material.lobe();
   if (!diffuse && !lobe) return;
   const glm::mat3 map_from_mesh(scene.marker_from_object.rotation);
-  const float offset = ray_offset(scene.given_mesh());
+  const float offset = ray_offset(scene.mesh);
   const TracedLight light(*scene.bvh, map, map_from_mesh, diffuse, lobe);
   const FragmentPlaces places(scene);
   parallel_for(int(bands.size()), 4, [&](int begin, int end) {

@@ -8,6 +8,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/scene/stray_vertices.h"
 #include "fastibl/shadow/outlines.h"
 #include "fastibl/shadow/refine_spheres.h"
 #include "fastibl/shadow/voxel_surface.h"
@@ -252,8 +253,8 @@ glm::dvec3 shift_of(unsigned seed) {
 
 }  // namespace
 
-SphereSet fit_spheres(const Mesh& mesh, const FitSpheresOptions& options) {
-  mesh.validate();
+SphereSet fit_spheres(const Mesh& given, const FitSpheresOptions& options) {
+  const Mesh mesh = without_strays(given);
   check(options.count >= 1, "the number of spheres must be at least 1, got ", options.count);
   check(options.resolution >= 8 && options.resolution <= 128,
         "the voxel resolution must be 8 to 128, got ", options.resolution);

@@ -6,6 +6,7 @@
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/progress.h"
+#include "fastibl/scene/stray_vertices.h"
 #include "fastibl/shadow/coarse_mesh.h"
 
 namespace fastibl {
@@ -35,7 +36,8 @@ MeshShadow::MeshShadow(const Mesh& mesh, const MeshShadowOptions& options)
         options.samples);
   check(options.extent >= 0 && std::isfinite(options.extent),
         "extent must be above 0 metres, or 0 for the object's, got ", options.extent);
-  const Bounds box = bounds(mesh.vertices);
+  const Mesh surface = without_strays(mesh);
+  const Bounds box = bounds(surface.vertices);
   const glm::vec3 size = box.upper - box.lower;
   size_ = std::max({size.x, size.y, size.z});
   inner_.size = options.resolution;
@@ -46,7 +48,7 @@ MeshShadow::MeshShadow(const Mesh& mesh, const MeshShadowOptions& options)
   check(std::isfinite(outer_.extent) && std::isfinite(inner_.centre.x) &&
             std::isfinite(inner_.centre.y),
         "expected a mesh that a map can hold, got one of ", size_, " m");
-  if (!triangles_.empty()) outer_triangles_ = triangles_for(mesh, outer_.texel());
+  if (!triangles_.empty()) outer_triangles_ = triangles_for(surface, outer_.texel());
 }
 
 MeshShadow::MeshShadow(const Mesh& mesh, const MeshShadowOptions& options, Tables tables)

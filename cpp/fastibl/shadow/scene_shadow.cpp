@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "fastibl/core/check.h"
+#include "fastibl/scene/stray_vertices.h"
 #include "fastibl/shadow/coarse_mesh.h"
 
 namespace fastibl {
@@ -13,7 +14,8 @@ constexpr int kFewest = 32;         // directions that are drawn at least
 constexpr float kCells = 128;       // along the longest edge of a mesh with too many for that
 
 // A coarser mesh with the same shadow to a third of a texel.
-Mesh coarser(const Mesh& mesh) {
+Mesh coarser(const Mesh& given) {
+  const Mesh mesh = without_strays(given);
   const Bounds box = bounds(mesh.vertices);
   const glm::vec3 size = box.upper - box.lower;
   Mesh coarse = coarse_mesh(mesh, std::max({size.x, size.y, size.z, 1e-30f}) / kCells);
@@ -41,7 +43,7 @@ PlaneSquare farthest_shadow(const Scene& scene, ShadowMethod method) {
   }
   // The box of the triangles above the plane is somewhere within the placed one.
   SphereSet corners;
-  for (const glm::vec3& p : bounds(scene.given_mesh().vertices).corners())
+  for (const glm::vec3& p : bounds(scene.mesh.vertices).corners())
     corners.emplace_back(glm::vec3(scene.marker_from_object * glm::dvec3(p)), 1e-6f);
   PlaneSquare square = outermost(corners);
   square.extent *= 1 + 1 / kMostOuter;
