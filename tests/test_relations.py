@@ -6,7 +6,7 @@ from scenes import scene_of
 
 import fastibl
 from fastibl.extremes.views import camera_of, looking
-from fastibl.extremes.worlds import ball_mesh
+from fastibl.extremes.worlds import ball_mesh, box_mesh
 
 CAMERA = camera_of(96, 72, 60.0)
 POSE = looking((-0.1, 0.3, -0.16), (0.1, -0.3, 0.2))
@@ -138,6 +138,16 @@ def test_vertices_that_no_triangle_uses(plain, backend, far):
         np.testing.assert_array_equal(fastibl.ambient_occlusion(more)[:-1], fastibl.ambient_occlusion(mesh))
         assert fastibl.MeshShadow(more).extent == fastibl.MeshShadow(mesh).extent
         np.testing.assert_array_equal(fastibl.stand(more, 0.2).vertices[:-1], fastibl.stand(mesh, 0.2).vertices)
+
+
+def test_real_objects(backend):
+    """Their order, and which way a closed one's triangles run, say nothing."""
+    corners, sides = box_mesh(0.06)
+    near, beside = corners + (0.05, -0.1, 0), corners * (0.5, 0.5, 1) + (-0.07, -0.03, 0)
+    order = drawn(holdouts=[fastibl.Mesh(near, sides), fastibl.Mesh(beside, sides)], backend=backend)
+    other = drawn(holdouts=[fastibl.Mesh(beside, sides[:, ::-1]), fastibl.Mesh(near, sides[::-1])], backend=backend)
+    same(order, other)
+    assert np.abs(order[0].astype(int) - drawn(backend=backend)[0]).max() > 50
 
 
 def test_a_marker_that_is_turned(plain, backend):

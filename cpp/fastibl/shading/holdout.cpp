@@ -24,9 +24,10 @@ constexpr float kOffset = 1e-4f;  // of the object's radius: how far out rays to
 constexpr int kSize = 64;         // cells of the sphere along an edge
 constexpr int kGrain = 64;        // vertices
 
-// An open mesh, turned so that the point sees more of its front than of its back.
+// An open mesh, turned so that the point sees more of its front than of its back; a closed one, so
+// that it faces outwards.
 Mesh facing(Mesh mesh, glm::vec3 point) {
-  if (is_closed(mesh)) return mesh;
+  if (is_closed(mesh)) return turned_outwards(std::move(mesh));
   double seen = 0;  // solid angle, about
   for (const glm::ivec3& t : mesh.triangles) {
     glm::dvec3 to[3];
