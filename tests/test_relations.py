@@ -166,3 +166,34 @@ def test_a_marker_that_is_turned(plain, backend):
         backend=backend,
     )
     same(plain, turned, most=8, light=1e-3)
+
+
+@pytest.fixture(scope="module")
+def film():
+    made = fastibl.simulate(seed=1, seconds=1.0, fps=6, size=(160, 120), truth_size=16, hand=False)
+    return made.rig, made.board, [(frame, made.truth.pose(frame.time)) for frame in made]
+
+
+def captured(film, scale=1.0, tint=1.0, **options):
+    """A capture of the film with all its metres times `scale`. tint: of the exposure, the part that is told as tint."""
+    rig, board, frames = film
+    tags = [(tag.id, tag.corners * scale) for tag in board.tags]
+    board = fastibl.Board(tags, board.width * scale, board.height * scale, board.border_bits)
+    capture = fastibl.Capture(32, board, (0, 0, 0.05 * scale), **options)
+    for frame, back_from_marker in frames:
+        for camera, picture, exposure, pose in (
+            (rig.back, frame.back, frame.back_exposure, back_from_marker),
+            (rig.front, frame.front, frame.front_exposure, rig.front_from_back @ back_from_marker),
+        ):
+            moved = np.array(pose.matrix)
+            moved[:3, 3] *= scale
+            capture.add(picture, camera, moved, exposure / tint, frame.time, tint=(tint,) * 3)
+    return capture.environment()
+
+
+@pytest.mark.parametrize("tint", [0.125, 4.0])
+def test_a_tint_without_colour_is_exposure(film, tint):
+    """A front camera that is four times as bright may say so by its exposure or by its ratio to the back camera."""
+    exposure, told = captured(film), captured(film, tint=tint)
+    np.testing.assert_array_equal(told.radiance.faces, exposure.radiance.faces)
+    np.testing.assert_array_equal(told.confidence, exposure.confidence)

@@ -41,7 +41,7 @@ struct Capture::View {
   const std::vector<TexelView>& texels;  // by band of rows
   const std::vector<TexelView>& halved;  // the same for a map of half the size
   ImageView<const std::uint8_t> mask;
-  double scale;      // radiance of a linear value, without vignetting
+  double scale;      // radiance of a linear value after untint, without vignetting
   float light;       // linear value
   glm::vec3 untint;  // factors on linear values
   bool plane;        // whether the camera's place is known
@@ -296,14 +296,15 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   levels_.make(picture, camera.response, levels_for(4 * most));
   k.noise.listen(k.pixels(picture), picture.width, picture.height);
 
-  const double scale = std::min(1 / (exposure * camera.gain), kLargestScale);
+  // What the tint's channels have in common is exposure, to the noise of the sensor as well.
+  const double scale = std::min(1 / (exposure * tint * camera.gain), kLargestScale);
   const View view{k,
                   texels,
                   halved,
                   mask,
                   scale,
-                  float(kRimOfLight * bright_ * tint / scale),
-                  glm::vec3(1.0 / taken.tint),
+                  float(kRimOfLight * bright_ / scale),
+                  glm::vec3(tint / taken.tint),
                   plane};
   leave_out_quiet_tiles(view);
   changed_.assign(tiles_.size(), 0);
