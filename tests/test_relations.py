@@ -197,3 +197,15 @@ def test_a_tint_without_colour_is_exposure(film, tint):
     exposure, told = captured(film), captured(film, tint=tint)
     np.testing.assert_array_equal(told.radiance.faces, exposure.radiance.faces)
     np.testing.assert_array_equal(told.confidence, exposure.confidence)
+
+
+@pytest.mark.parametrize("scale", [4.0, 20.0])
+def test_a_large_board(film, scale):
+    """Boards of 1.2 and 6 m, as seen from as many times farther off: their white and what lies around them."""
+    page, poster = captured(film, distance=np.inf), captured(film, scale, distance=np.inf)
+    seen = page.confidence > 0
+    np.testing.assert_array_equal(poster.confidence > 0, seen)
+    np.testing.assert_allclose(poster.radiance.faces[seen], page.radiance.faces[seen], rtol=1e-5)
+    off = np.abs(np.divide(poster.plane_irradiance, page.plane_irradiance) - 1).max()
+    print(f"the board's white reads {100 * off:.1f} % off")
+    assert off < 0.02

@@ -14,8 +14,10 @@
 namespace fastibl {
 namespace {
 
-constexpr double kBoardMargin = 0.01;  // metres around the page, for blur and the pose's error
-constexpr std::size_t kCameras = 4;    // remembered: those used last
+// Around the page, for blur and the pose's error, which grow with how far off a large page is seen:
+// metres, and as a share of the page's longer side.
+constexpr double kBoardMargin = 0.01, kBoardMarginShare = 1 / 30.0;
+constexpr std::size_t kCameras = 4;  // remembered: those used last
 // Seconds over which new values of unseen tiles are spread, and the least share that one picture
 // makes: unseen tiles hold a guess, which follows when there is time.
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
@@ -258,9 +260,11 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   }
   find_hidden(k, poses);
   Viewpoint viewpoint{options_.centre, surroundings_};
-  if (options_.board)
+  if (options_.board) {
+    const glm::dvec2 page(options_.board->width, options_.board->height);
     viewpoint.masked =
-        0.5 * glm::dvec2(options_.board->width, options_.board->height) + kBoardMargin;
+        0.5 * page + std::max(kBoardMargin, kBoardMarginShare * std::max(page.x, page.y));
+  }
   std::vector<TexelView> texels, halved;
   const int bands = poses.rolling() ? kBands : 1;
   for (int band = 0; band < bands; ++band) {

@@ -9,8 +9,10 @@
 namespace fastibl {
 namespace {
 
-constexpr int kAcross = 40;              // places along the longer side of the page
-constexpr double kMargin = 0.004;        // metres of the page's border, where it may curl
+constexpr int kAcross = 40;  // places along the longer side of the page
+// Of the page's border, where it may curl, and where the picture of a large page, which is seen
+// from farther off, mixes it with what lies beside it: metres, and as a share of the longer side.
+constexpr double kMargin = 0.004, kMarginShare = 1 / 75.0;
 constexpr double kLeastPixels = 2.5;     // from a place to the nearest ink: more than lens blur
 constexpr std::size_t kLeastPlaces = 8;  // needed to tell an irradiance
 constexpr double kSteepest = 0.17;       // sine of the view above the plane: paper shines below
@@ -36,14 +38,15 @@ double distance_to(const glm::dvec2& p, const Tag& tag) {
 }  // namespace
 
 LightMeter::LightMeter(const Board& board, double albedo) : albedo_(albedo) {
-  const double step = std::max(board.width, board.height) / kAcross;
+  const double longer = std::max(board.width, board.height), step = longer / kAcross;
+  const double margin = std::max(kMargin, kMarginShare * longer);
   const auto add = [&](glm::dvec2 at, double free, const Tag* within) {
     for (const Tag& tag : board.tags)
       if (&tag != within) free = std::min(free, distance_to(at, tag));
     if (free > 0) places_.push_back({at, free});
   };
-  for (double y = kMargin - board.height / 2; y <= board.height / 2 - kMargin; y += step)
-    for (double x = kMargin - board.width / 2; x <= board.width / 2 - kMargin; x += step)
+  for (double y = margin - board.height / 2; y <= board.height / 2 - margin; y += step)
+    for (double x = margin - board.width / 2; x <= board.width / 2 - margin; x += step)
       add({x, y}, std::numeric_limits<double>::infinity(), nullptr);
   // White modules of the tags, as large tags leave little paper around them.
   const int modules = kTagModules + 2 * board.border_bits;
