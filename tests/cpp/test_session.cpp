@@ -270,7 +270,7 @@ TEST_CASE("a view shows what is in its picture, and not much more") {
     return s * (2.0 * glm::dvec3(x, y, z) - 1.0);
   };
   for (const Camera& camera : {wide, bent}) {
-    const View view(camera);
+    const PictureView view(camera);
     const Lens lens(camera);
     int shown = 0, hidden = 0, needless = 0;
     for (int trial = 0; trial < 2000; ++trial) {

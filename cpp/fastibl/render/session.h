@@ -168,7 +168,7 @@ class Session {
   Camera drawn_by_;                   // the last picture
   std::optional<Pose> drawn_from_;    // the last picture
   std::optional<Pose> shown_from_;    // the last picture that showed the object
-  std::optional<View> view_;          // of the camera that drew it
+  std::optional<PictureView> view_;   // of the camera that drew it
   std::optional<PixelTable> pixels_;  // of layers()
 };
 

@@ -19,7 +19,7 @@ glm::dvec3 crossing(const glm::dvec3& inner, const glm::dvec3& outer, double ins
 
 }  // namespace
 
-bool View::meets(std::vector<glm::dvec3> polygon) const {
+bool PictureView::meets(std::vector<glm::dvec3> polygon) const {
   std::vector<glm::dvec3> kept;
   const auto cut = [&](const ViewPlane& plane) {
     cut_polygon(
@@ -30,7 +30,7 @@ bool View::meets(std::vector<glm::dvec3> polygon) const {
   return !polygon.empty();
 }
 
-bool View::may_show(const Bounds& box, const Pose& camera_from_box) const {
+bool PictureView::may_show(const Bounds& box, const Pose& camera_from_box) const {
   std::array<glm::dvec3, 8> corners;
   const std::array<glm::vec3, 8> own = box.corners();
   for (std::size_t i = 0; i < 8; ++i) corners[i] = camera_from_box * glm::dvec3(own[i]);
@@ -42,7 +42,7 @@ bool View::may_show(const Bounds& box, const Pose& camera_from_box) const {
   return false;
 }
 
-bool View::may_show(glm::vec2 centre, float extent, const Pose& camera_from_plane) const {
+bool PictureView::may_show(glm::vec2 centre, float extent, const Pose& camera_from_plane) const {
   std::vector<glm::dvec3> square;
   for (const glm::dvec2 side : {glm::dvec2(-1, -1), {1, -1}, {1, 1}, {-1, 1}})
     square.push_back(camera_from_plane * glm::dvec3(glm::dvec2(centre) + double(extent) * side, 0));

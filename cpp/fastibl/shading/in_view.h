@@ -11,9 +11,9 @@
 namespace fastibl {
 
 // What a perspective camera sees, and a tenth of the picture's size around.
-class View {
+class PictureView {
  public:
-  explicit View(const Camera& camera) : camera_(camera), sides_(picture_sides(camera)) {}
+  explicit PictureView(const Camera& camera) : camera_(camera), sides_(picture_sides(camera)) {}
   const Camera& camera() const { return camera_; }
 
   // False where no part of a box, or of the square [centre − extent, centre + extent] of the plane
