@@ -46,18 +46,6 @@ FASTIBL_BY_WIDTH(void find_nearest(const float* x, const float* y, const float* 
                                    float* distance, std::int32_t* disc),
                  find_nearest_by<V>(x, y, start, discs, near, count, distance, disc))
 
-// away: from the centre to the nearest point of the ray.
-void add(glm::vec3 away, float radius, float e, float w, SphereEquations& q) {
-  const float length = e + radius;
-  const glm::vec3 u = length > 1e-6f ? away / length : glm::vec3(0);
-  const float row[4] = {u.x, u.y, u.z, 1};  // −∂e/∂(centre, radius)
-  for (std::size_t a = 0; a < 4; ++a) {
-    for (std::size_t b = 0; b <= a; ++b) q.matrix[4 * a + b] += double(w * row[a] * row[b]);
-    q.right[a] += double(w * row[a] * e);
-  }
-  q.weight += double(w);
-}
-
 void add_turned(const SphereEquations& q, const glm::dmat3& axes, SphereEquations& sum) {
   if (!(q.weight > 0)) return;
   const auto& m = q.matrix;
@@ -139,10 +127,11 @@ void OutlineFit::measure(std::size_t v, const SphereSet& spheres, float moved, f
       fit.cost += double(weight * std::abs(distance[i]));
       if (distance[i] < kMost) {
         const float* s = &discs[std::size_t(4 * disc[i])];
-        add({outlines_.x[at + i] - s[0], outlines_.y[at + i] - s[1],
+        // Away from the centre is the nearest point of the ray.
+        fit.equations[std::size_t(disc[i])].add(
+            {outlines_.x[at + i] - s[0], outlines_.y[at + i] - s[1],
              std::max(start[i] - s[2], 0.0f)},
-            s[3], distance[i], weight / std::sqrt(distance[i] * distance[i] + softness * softness),
-            fit.equations[std::size_t(disc[i])]);
+            s[3], distance[i], weight / std::sqrt(distance[i] * distance[i] + softness * softness));
       }
     }
     if (within && farthest < 0) covered_until_[block] = moved - farthest;

@@ -165,17 +165,8 @@ void add_step(const Samples& s, const Nearest& nearest, const SphereSet& spheres
               std::vector<SphereEquations>& all) {
   const auto add = [&](std::size_t i, std::int32_t sphere, float e) {
     const glm::vec4& c = spheres[std::size_t(sphere)];
-    const float length = e + c.w;
-    const glm::vec3 away = glm::vec3(s.x[i], s.y[i], s.z[i]) - glm::vec3(c);
-    const glm::vec3 u = length > 1e-6f ? away / length : glm::vec3(0);
-    const float w = s.weight[i] / std::sqrt(e * e + softness * softness);
-    const float row[4] = {u.x, u.y, u.z, 1};  // −∂e/∂(centre, radius)
-    SphereEquations& q = all[std::size_t(sphere)];
-    for (std::size_t a = 0; a < 4; ++a) {
-      for (std::size_t b = 0; b <= a; ++b) q.matrix[4 * a + b] += double(w * row[a] * row[b]);
-      q.right[a] += double(w * row[a] * e);
-    }
-    q.weight += double(w);
+    all[std::size_t(sphere)].add(glm::vec3(s.x[i], s.y[i], s.z[i]) - glm::vec3(c), c.w, e,
+                                 s.weight[i] / std::sqrt(e * e + softness * softness));
   };
   for (std::size_t i = 0; i < s.x.size(); ++i) {
     if (nearest.distance[i] < kMost) add(i, nearest.sphere[i], nearest.distance[i]);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -27,6 +28,19 @@ struct SphereEquations {
   std::array<double, 16> matrix{};
   std::array<double, 4> right{};
   double weight = 0;
+
+  // A point that lies e outside of the sphere (negative: inside), of this weight. away: from the
+  // centre to it.
+  void add(glm::vec3 away, float radius, float e, float w) {
+    const float length = e + radius;
+    const glm::vec3 u = length > 1e-6f ? away / length : glm::vec3(0);
+    const float row[4] = {u.x, u.y, u.z, 1};  // −∂e/∂(centre, radius)
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = 0; b <= a; ++b) matrix[4 * a + b] += double(w * row[a] * row[b]);
+      right[a] += double(w * row[a] * e);
+    }
+    weight += double(w);
+  }
 };
 
 // Moves each sphere by the damped solution of its equations, by at most a voxel or a fifth of its
