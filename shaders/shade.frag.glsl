@@ -80,12 +80,13 @@ uniform vec3 eye;  // marker frame
 uniform vec3 map_centre;  // marker frame
 #if BOX
 uniform vec3 box_lower, box_upper;  // from map_centre
+uniform vec2 box_axis;
 #endif
 
 // The direction in which the map shows what is seen from `position` in direction d.
 vec3 looked(vec3 d, vec3 position) {
 #if BOX
-  return box_direction(d, position - map_centre, box_lower, box_upper);
+  return box_direction(d, position - map_centre, box_lower, box_upper, box_axis);
 #else
   return d;
 #endif

@@ -7,6 +7,7 @@ import pytest
 
 import fastibl
 from fastibl.comparison import irradiance_error
+from fastibl.demo import demo_scene
 from views import exposed, looking, picture_of
 
 CENTRE = np.array([0.0, 0.0, 0.1])
@@ -160,25 +161,70 @@ def test_the_interval_allows_for_near_things_until_they_are_known():
     assert knowledge["parallax_doubt"] == 0 and knowledge["parallax"] > 0
 
 
+def turn_about_z(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def film_around(capture, yaw=0.0, first=0):
+    """A camera that is carried around the centre and looks across it, in a room whose walls are turned."""
+    turned = turn_about_z(yaw)
+    for k in range(24):
+        a, up = k * 0.62, 0.25 + 0.8 * (k % 3) / 2
+        eye = CENTRE + [0.4 * np.cos(a), 0.4 * np.sin(a), 0.35]
+        towards = np.array([-np.cos(a) * np.cos(up), -np.sin(a) * np.cos(up), np.sin(up)])
+        pose = looking(towards, eye)
+        codes = picture(eye, pose, 1.0, lamp=False)
+        capture.add(codes, CAMERA, looking(turned @ towards, turned @ eye), time=first + k / 10)
+
+
+def error_in_room(environment, yaw=0.0):
+    d = fastibl.texel_directions(64).astype(np.float64)
+    seen = (np.asarray(environment.confidence) > 0) & (d[..., 2] > 0)
+    true = seen_from(CENTRE, d @ turn_about_z(yaw), lamp=False)
+    return float(np.median(np.abs(np.asarray(environment.radiance.faces) - true)[seen] / true[seen]))
+
+
 def test_a_box_puts_walls_where_they_are():
     errors = {}
     for name, options in {"infinity": {}, "3 m": {"distance": 3.0}, "box": {"box": (LOWER, UPPER)}}.items():
         capture = fastibl.Capture(size=64, centre=CENTRE, **options)
-        for k in range(24):
-            a, up = k * 0.62, 0.25 + 0.8 * (k % 3) / 2
-            eye = CENTRE + [0.4 * np.cos(a), 0.4 * np.sin(a), 0.35]
-            towards = np.array([-np.cos(a) * np.cos(up), -np.sin(a) * np.cos(up), np.sin(up)])
-            pose = looking(towards, eye)
-            capture.add(picture(eye, pose, 1.0, lamp=False), CAMERA, pose, time=k / 10)
-        env = capture.environment()
-        seen = (np.asarray(env.confidence) > 0) & (fastibl.texel_directions(64)[..., 2] > 0)
-        true = truth(64, lamp=False)
-        ours = np.asarray(env.radiance.faces)
-        errors[name] = float(np.median(np.abs(ours - true)[seen] / true[seen]))
+        film_around(capture)
+        errors[name] = error_in_room(capture.environment())
     print(errors)
     assert errors["box"] < 0.01
     assert errors["box"] < errors["3 m"] / 3 < errors["infinity"] / 3
+    true = truth(64, lamp=False)
     assert irradiance_error(true, true) == 0
+
+
+@pytest.mark.parametrize("degrees", [30.0, -75.0, 200.0])
+def test_walls_at_an_angle_to_the_marker(degrees):
+    yaw = np.radians(degrees)
+    errors = {}
+    for name, options in {"told": {"box_yaw": yaw}, "not told": {}}.items():
+        capture = fastibl.Capture(size=64, centre=CENTRE, box=(LOWER, UPPER), **options)
+        film_around(capture, yaw)
+        errors[name] = error_in_room(capture.environment(), yaw)
+    print(errors)
+    assert errors["told"] < 0.01
+    assert errors["told"] < errors["not told"] / 3
+
+
+def test_walls_turn_with_a_marker_that_is_turned():
+    """They stayed where they were against the marker, and what was captured from then on was put elsewhere."""
+    yaw = np.radians(50)
+    capture = fastibl.Capture(size=64, centre=CENTRE, box=(LOWER, UPPER))
+    film_around(capture)
+    capture.turn(fastibl.Pose.from_rotation_vector((0, 0, yaw), (0, 0, 0)))
+    film_around(capture, yaw, first=10)
+    fresh = fastibl.Capture(size=64, centre=CENTRE, box=(LOWER, UPPER), box_yaw=yaw)
+    film_around(fresh, yaw)
+    turned, told = capture.environment(), fresh.environment()
+    print(f"turned {error_in_room(turned, yaw):.4f}, told {error_in_room(told, yaw):.4f}")
+    assert error_in_room(turned, yaw) < 0.01
+    assert turned.box_yaw == pytest.approx(told.box_yaw) == yaw
+    np.testing.assert_array_equal(turned.box, [LOWER, UPPER])
 
 
 @pytest.mark.parametrize(
@@ -193,3 +239,31 @@ def test_a_box_puts_walls_where_they_are():
 def test_bad_boxes_are_refused(box):
     with pytest.raises(ValueError, match="box must be finite and hold the centre"):
         fastibl.Capture(size=16, centre=CENTRE, box=box)
+
+
+@pytest.mark.parametrize("yaw", [np.nan, np.inf])
+def test_a_bad_yaw_is_refused(yaw):
+    with pytest.raises(ValueError, match="yaw of the room's box must be finite"):
+        fastibl.Capture(size=16, centre=CENTRE, box=(LOWER, UPPER), box_yaw=yaw)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: fastibl.Capture(size=16, centre=CENTRE, box_yaw=0.3),
+        lambda: fastibl.Environment(fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32)), box_yaw=0.3),
+        lambda: fastibl.Session(demo_scene(), fastibl.Rig(CAMERA), fastibl.Board.default(), box_yaw=0.3),
+    ],
+    ids=["capture", "environment", "session"],
+)
+def test_a_yaw_without_a_box_is_refused(make):
+    with pytest.raises(ValueError, match="box_yaw turns a box, and no box was given"):
+        make()
+
+
+def test_the_centre_is_looked_for_along_the_walls():
+    """A long, narrow room holds it only as it stands."""
+    box = ((-0.2, -0.2, 0), (3, 0.2, 2))
+    fastibl.Capture(size=16, centre=(1, 1, 0.1), box=box, box_yaw=np.pi / 4)
+    with pytest.raises(ValueError, match="hold the centre, got -0.2 to 0.2 along axis 1 around 1"):
+        fastibl.Capture(size=16, centre=(1, 1, 0.1), box=box)

@@ -533,29 +533,33 @@ def walls(points):
     return np.stack([one, 1 + 0.6 * np.sin(5 * y + 2 * z), 1 + 0.5 * np.cos(4 * x - 3 * z)], axis=-1)
 
 
-def in_room(eye, d):
+def in_room(eye, d, yaw=0.0):
+    c, s = np.cos(yaw), np.sin(yaw)
+    to_walls = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])  # applied from the right
+    eye, d = eye @ to_walls, d @ to_walls
     with np.errstate(divide="ignore"):
         t = np.where(d > 0, (ROOM[1] - eye) / d, (ROOM[0] - eye) / d).min(axis=-1)
     return walls(eye + t[..., None] * d)
 
 
-def room_map(size=128):
-    return fastibl.CubeMap(in_room(CENTRE, fastibl.texel_directions(size).astype(float)).astype(np.float32))
+def room_map(size=128, yaw=0.0):
+    return fastibl.CubeMap(in_room(CENTRE, fastibl.texel_directions(size).astype(float), yaw).astype(np.float32))
 
 
-def mirrored(places, middle):
+def mirrored(places, middle, yaw):
     """What pixels show of a mirror ball."""
     d = CAMERA.unproject(places[:, ::-1] + 0.5) @ POSE.rotation
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     along = d @ (middle - EYE)
     t = along - np.sqrt(along**2 - np.sum((middle - EYE) ** 2) + 0.05**2)
     n = (EYE + t[:, None] * d - middle) / 0.05
-    return in_room(EYE + t[:, None] * d, d - 2 * (d * n).sum(axis=1, keepdims=True) * n), (d * n).sum(axis=1)
+    return in_room(EYE + t[:, None] * d, d - 2 * (d * n).sum(axis=1, keepdims=True) * n, yaw), (d * n).sum(axis=1)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
 @pytest.mark.parametrize("kind", ["mirror", "mip", "pbr"])
-def test_walls_of_a_box_are_seen_where_they_are(kind, backend):
+def test_walls_of_a_box_are_seen_where_they_are(kind, yaw, backend):
     middle = np.array([0.06, 0.04, 0.05])
     ball = fastibl.Mesh(*icosphere(0.05, middle, 5))
     material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=1e5)
@@ -563,14 +567,14 @@ def test_walls_of_a_box_are_seen_where_they_are(kind, backend):
     if kind == "pbr":
         material = fastibl.Material.pbr((1, 1, 1), 1.0, 0.1)
     errors = {}
-    for name, box in {"box": ROOM.tolist(), "infinity": None}.items():
-        environment = fastibl.Environment(room_map(), centre=CENTRE, box=box)
+    for name, box in {"box": {"box": ROOM.tolist(), "box_yaw": yaw}, "infinity": {}}.items():
+        environment = fastibl.Environment(room_map(yaw=yaw), centre=CENTRE, **box)
         s, _ = processed(ball, environment, material, backend, **methods)
         light, places = whole_pixels(s.object)
-        true, facing = mirrored(places, middle)
+        true, facing = mirrored(places, middle, yaw)
         ours = np.abs(light - true)[facing < -0.5]  # towards the rim a pixel shows half the room
         errors[name] = np.sqrt((ours**2).mean()) / true.mean()
-    print(kind, backend, errors)
+    print(kind, backend, yaw, errors)
     assert errors["box"] < (0.05 if kind == "pbr" else 0.03)
     assert errors["box"] < errors["infinity"] / (2 if kind == "pbr" else 3)
 

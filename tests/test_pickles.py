@@ -53,11 +53,13 @@ def test_a_given_environment():
     rng = np.random.default_rng(0)
     cube = fastibl.CubeMap(rng.random((6, 16, 16, 3)).astype(np.float32))
     lights = [(0.5, 0.2, 1.0, 0.05), (-1.0, 0.0, 2.0, 0.1)]
-    given = fastibl.Environment(cube, centre=(0.1, 0, 0.2), lights=lights, box=((-2, -2, 0), (2, 2, 3)))
+    given = fastibl.Environment(cube, centre=(0.1, 0, 0.2), lights=lights, box=((-2, -2, 0), (2, 2, 3)), box_yaw=0.4)
     got = pickled(given)
     np.testing.assert_array_equal(got.light_positions, lights)
     assert got.centre == given.centre and got.radiance == cube and got.predicted_error == given.predicted_error
     normal, eye = [[0.0, 0.6, 0.8]], [[0.6, 0.0, 0.8]]
+    np.testing.assert_array_equal(got.box, given.box)
+    assert got.box_yaw == 0.4
     for make in (lambda e: fastibl.Lighting(e).glossy(normal, eye, exponent=50), lambda e: fastibl.Lighting(e).sh9):
         np.testing.assert_array_equal(make(got), make(given))
     state = given.__getstate__()

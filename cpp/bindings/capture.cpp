@@ -75,6 +75,8 @@ distance: metres to what is seen above the horizon; infinite treats all light as
 from how pictures taken from several places differ (see the property), and infinite until then.
 box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
 centre (Lagarde and Zanuttini 2012).
+box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners of `box` are given
+along the walls then, from the marker's origin.
 locate_lights: whether lights that several pictures show are triangulated and put where the object sees them, whatever
 `distance` and `box` say.
 prior: CubeMap of the place from an earlier time; its sky stands in for what no picture has seen, scaled per channel to
@@ -89,16 +91,16 @@ how much of the light was boosted.
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, std::optional<double> distance,
-                       const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                       bool locate_lights, const CubeMap* prior, bool doubt_exposures,
-                       double paper_albedo, double most_boost) {
+                       const std::optional<RoomCorners>& box, bool locate_lights,
+                       const CubeMap* prior, bool doubt_exposures, double paper_albedo,
+                       double most_boost, double box_yaw) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
              options.centre = {centre[0], centre[1], centre[2]};
              options.plane_albedo = plane_albedo;
              options.distance = distance;
-             options.box = room_box(box);
+             options.box = room_box(box, box_yaw);
              options.locate_lights = locate_lights;
              if (prior) options.prior = std::make_shared<const CubeMap>(*prior);
              options.doubt_exposures = doubt_exposures;
@@ -108,10 +110,10 @@ Raises ValueError for values out of range.)")
            }),
            py::arg("size") = 128, py::arg("board") = py::none(),
            py::arg("centre") = std::array<double, 3>{0, 0, 0.05}, py::arg("plane_albedo") = 0.5,
-           py::arg("distance") = py::none(),
-           py::arg("box") = py::none(), py::arg("locate_lights") = true,
-           py::arg("prior") = py::none(), py::arg("doubt_exposures") = false,
-           py::arg("paper_albedo") = 0.85, py::arg("most_boost") = 1.0)
+           py::arg("distance") = py::none(), py::arg("box") = py::none(),
+           py::arg("locate_lights") = true, py::arg("prior") = py::none(),
+           py::arg("doubt_exposures") = false, py::arg("paper_albedo") = 0.85,
+           py::arg("most_boost") = 1.0, py::arg("box_yaw") = 0.0)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,
@@ -136,8 +138,10 @@ Raises ValueError for values out of range.)")
               view = {static_cast<const std::uint8_t*>(keep_mask.data()), int(keep_mask.shape(1)),
                       int(keep_mask.shape(0)), 1, keep_mask.shape(1)};
             }
-            return one_at_a_time(&capture, [&] { return capture.add(picture, camera, pose, exposure, time, view, last,
-                               {tint[0], tint[1], tint[2]}, plane, number); });
+            return one_at_a_time(&capture, [&] {
+              return capture.add(picture, camera, pose, exposure, time, view, last,
+                                 {tint[0], tint[1], tint[2]}, plane, number);
+            });
           },
           py::arg("image"), py::arg("camera"), py::arg("camera_from_marker"),
           py::arg("exposure") = 1.0, py::arg("time") = 0.0, py::arg("mask") = py::none(),
@@ -166,7 +170,12 @@ Raises ValueError or TypeError, naming what was expected and what came.)")
           },
           "Metres to what is seen above the horizon: as given, or as the pictures say so far; inf "
           "where all light is distant. Without meaning where a box is given.")
-      .def_property_readonly("mended", [](const Capture& capture) { return one_at_a_time(&capture, [&] { return capture.mended(); }); }, R"(How often the scale of a camera that tells no exposure was found wrong.
+      .def_property_readonly(
+          "mended",
+          [](const Capture& capture) {
+            return one_at_a_time(&capture, [&] { return capture.mended(); });
+          },
+          R"(How often the scale of a camera that tells no exposure was found wrong.
 
 Everything that it had shown was then made brighter or darker, so that the sky lights the board as the board's white
 says.)")
@@ -175,8 +184,9 @@ says.)")
           [](const Capture& capture, const Camera& camera, const py::object& camera_from_marker,
              double shortest, double longest) {
             const Pose pose = require_pose(camera_from_marker, "camera_from_marker");
-            return one_at_a_time(
-                &capture, [&] { return capture.next_exposure(camera, pose, {shortest, longest}); });
+            return one_at_a_time(&capture, [&] {
+              return capture.next_exposure(camera, pose, {shortest, longest});
+            });
           },
           py::arg("camera"), py::arg("camera_from_marker"), py::arg("shortest"), py::arg("longest"),
           R"(The exposure with which a camera at this pose tells most of what the map lacks.
@@ -195,8 +205,9 @@ ValueError for another camera or an invalid range.)")
       .def(
           "environment",
           [](Capture& capture) {
-            return one_at_a_time(
-                &capture, [&] { return std::const_pointer_cast<Environment>(capture.environment()); });
+            return one_at_a_time(&capture, [&] {
+              return std::const_pointer_cast<Environment>(capture.environment());
+            });
           },
           "Environment at the time of the last picture, without holes.")
       .def_property_readonly(
@@ -204,7 +215,8 @@ ValueError for another camera or an invalid range.)")
           [](const Capture& capture) {
             const int n = capture.size();
             py::array_t<double> out({6, n, n});
-            const std::vector<double> times = one_at_a_time(&capture, [&] { return capture.last_seen(); });
+            const std::vector<double> times =
+                one_at_a_time(&capture, [&] { return capture.last_seen(); });
             std::copy(times.begin(), times.end(), out.mutable_data());
             return out;
           },

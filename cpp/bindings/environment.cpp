@@ -12,8 +12,8 @@ namespace {
 
 // lights: (m, 4), known exactly.
 Environment known_environment(const CubeMap& radiance, const py::object& centre,
-                              const py::object& lights,
-                              const std::optional<std::array<std::array<double, 3>, 2>>& box) {
+                              const py::object& lights, const std::optional<RoomCorners>& box,
+                              double box_yaw) {
   Environment environment = environment_from(radiance);
   if (!centre.is_none()) {
     const Doubles at = require_floats<double>(centre, "centre");
@@ -24,7 +24,7 @@ Environment known_environment(const CubeMap& radiance, const py::object& centre,
       if (!std::isfinite(environment.centre[k]))
         throw py::value_error("centre must be finite, got " + std::string(py::str(at)));
   }
-  environment.box = room_box(box);
+  environment.box = room_box(box, box_yaw);
   if (environment.box) check_box(*environment.box, environment.centre);
   if (lights.is_none()) return environment;
   const Doubles array = require_floats<double>(lights, "lights");
@@ -86,8 +86,7 @@ void bind_main_lights(py::module_& module) {
         if (py::isinstance<Environment>(map))
           return main_lights(map.cast<const Environment&>(), options);
         if (!py::isinstance<CubeMap>(map))
-          throw py::type_error("expected a CubeMap or an Environment, got " +
-                               std::string(py::str(py::type::of(map).attr("__name__"))));
+          throw py::type_error("map must be CubeMap or Environment, got " + type_name(map));
         return main_lights(map.cast<const CubeMap&>(), options);
       },
       py::arg("map"), py::arg("brightness") = 8.0, py::arg("least_share") = 0.1,
@@ -112,7 +111,7 @@ void bind_environment(py::module_& module) {
       "What is known of the light of a place: radiance, and how well it is known.")
       .def(py::init(&known_environment), py::arg("radiance"), py::kw_only(),
            py::arg("centre") = py::none(), py::arg("lights") = py::none(),
-           py::arg("box") = py::none(),
+           py::arg("box") = py::none(), py::arg("box_yaw") = 0.0,
            R"(A map that is known everywhere.
 
 centre: (3,) metres, marker frame: the place from which the map is seen, (0, 0, 0) by default.
@@ -120,10 +119,29 @@ lights: (m, 4) x y z radius, metres: those lights of the map that are near, as s
 place to place. Spheres that are not finite, or that contain the centre, are taken as distant.
 box: walls, floor and ceiling of the room that the map shows, two corners (2, 3), metres; glossy surfaces then reflect
 them where they are.
+box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners are given along the
+walls then, from the marker's origin.
 Raises ValueError for other shapes, a centre that is not finite, or a box that does not contain the centre.)")
       .def_property_readonly(
           "centre", [](const Environment& e) { return triple(e.centre); },
           "The place from which the radiance is seen, metres, marker frame.")
+      .def_property_readonly(
+          "box",
+          [](const Environment& e) -> std::optional<Doubles> {
+            if (!e.box) return std::nullopt;
+            Doubles out({2, 3});
+            for (int k = 0; k < 3; ++k)
+              out.mutable_at(0, k) = e.box->lower[k], out.mutable_at(1, k) = e.box->upper[k];
+            return out;
+          },
+          "Corners of the room along its walls, (2, 3) float64, metres; None where its walls are "
+          "not "
+          "known.")
+      .def_property_readonly(
+          "box_yaw", [](const Environment& e) { return e.box ? e.box->yaw : 0.0; },
+          "Angle of the walls to the marker's axes, radians, counter-clockwise from above. It "
+          "changes "
+          "where capture finds that the marker was turned.")
       .def_property_readonly(
           "light_positions",
           [](const Environment& e) {

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
+#include <tuple>
 
 namespace fastibl::bindings {
 namespace {
@@ -70,8 +72,8 @@ py::tuple environment_state(const Environment& e) {
   e.validate();
   py::list lights;
   for (const LightPosition& light : e.light_positions) lights.append(light_state(light));
-  std::optional<std::array<Three, 2>> box;
-  if (e.box) box = {three(e.box->lower), three(e.box->upper)};
+  std::optional<std::tuple<Three, Three, double>> box;
+  if (e.box) box = {three(e.box->lower), three(e.box->upper), e.box->yaw};
   std::optional<Three> plane;
   if (e.plane_irradiance) plane = three(*e.plane_irradiance);
   return py::make_tuple(
@@ -89,8 +91,8 @@ Environment environment_from_state(const py::tuple& state) {
   e.predicted_low = numbers[3], e.predicted_high = numbers[4], e.time = numbers[5];
   e.knowledge = knowledge_from(state[2].cast<std::array<double, 9>>());
   e.centre = vector(state[3].cast<Three>());
-  if (const auto box = state[4].cast<std::optional<std::array<Three, 2>>>())
-    e.box = RoomBox{vector((*box)[0]), vector((*box)[1])};
+  if (const auto box = state[4].cast<std::optional<std::tuple<Three, Three, double>>>())
+    e.box = RoomBox{vector(std::get<0>(*box)), vector(std::get<1>(*box)), std::get<2>(*box)};
   if (const auto plane = state[5].cast<std::optional<Three>>()) e.plane_irradiance = vector(*plane);
   for (const py::handle& light : state[6].cast<py::list>())
     e.light_positions.push_back(light_from_state(light.cast<py::tuple>()));

@@ -150,11 +150,10 @@ void bind_making(py::class_<Session>& session_class) {
                   const std::shared_ptr<Environment>& environment, const py::object& detector,
                   const std::string& backend, const Methods& methods, double error,
                   double milliseconds, int size, bool cast_shadow, std::optional<double> distance,
-                  const std::optional<std::array<std::array<double, 3>, 2>>& box,
-                  bool doubt_exposures, const std::array<double, 3>& front_ratio,
-                  bool follow_surroundings, const CubeMap* prior, double paper_albedo,
-                  double most_boost, bool adapt, const std::map<std::string, double>& costs,
-                  bool offline) {
+                  const std::optional<RoomCorners>& box, double box_yaw, bool doubt_exposures,
+                  const std::array<double, 3>& front_ratio, bool follow_surroundings,
+                  const CubeMap* prior, double paper_albedo, double most_boost, bool adapt,
+                  const std::map<std::string, double>& costs, bool offline) {
         Detector function;
         if (!detector.is_none()) function = make_detector(detector);
         std::unique_ptr<Renderer> renderer = renderer_named(backend);
@@ -166,7 +165,7 @@ void bind_making(py::class_<Session>& session_class) {
                            .map_size = size,
                            .cast_shadow = cast_shadow,
                            .distance = distance,
-                           .box = room_box(box),
+                           .box = room_box(box, box_yaw),
                            .doubt_exposures = doubt_exposures,
                            .front_ratio = {front_ratio[0], front_ratio[1], front_ratio[2]},
                            .follow_surroundings = follow_surroundings,
@@ -180,7 +179,7 @@ void bind_making(py::class_<Session>& session_class) {
       py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
       py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
       py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
-      py::arg("box"), py::arg("doubt_exposures"), py::arg("front_ratio"),
+      py::arg("box"), py::arg("box_yaw"), py::arg("doubt_exposures"), py::arg("front_ratio"),
       py::arg("follow_surroundings"), py::arg("prior"), py::arg("paper_albedo"),
       py::arg("most_boost"), py::arg("adapt"), py::arg("costs"), py::arg("offline"));
 }

@@ -1,18 +1,22 @@
-// Corners of a room as Python gives them.
+// A room as Python gives it.
 #pragma once
 
 #include <array>
 #include <optional>
+#include <stdexcept>
 
 #include "fastibl/scene/room_box.h"
 
 namespace fastibl::bindings {
 
-inline std::optional<RoomBox> room_box(
-    const std::optional<std::array<std::array<double, 3>, 2>>& corners) {
+using RoomCorners = std::array<std::array<double, 3>, 2>;
+
+inline std::optional<RoomBox> room_box(const std::optional<RoomCorners>& corners, double yaw) {
+  if (!corners && yaw != 0)
+    throw std::invalid_argument("box_yaw turns a box, and no box was given");
   if (!corners) return std::nullopt;
   const auto& [lower, upper] = *corners;
-  return RoomBox{{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+  return RoomBox{{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}, yaw};
 }
 
 }  // namespace fastibl::bindings

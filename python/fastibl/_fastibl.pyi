@@ -534,7 +534,7 @@ class Environment:
         """
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None) -> None:
+    def __init__(self, radiance: CubeMap, *, centre: typing.Any = None, lights: typing.Any = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, box_yaw: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         """
         A map that is known everywhere.
 
@@ -543,6 +543,8 @@ class Environment:
         place to place. Spheres that are not finite, or that contain the centre, are taken as distant.
         box: walls, floor and ceiling of the room that the map shows, two corners (2, 3), metres; glossy surfaces then reflect
         them where they are.
+        box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners are given along the
+        walls then, from the marker's origin.
         Raises ValueError for other shapes, a centre that is not finite, or a box that does not contain the centre.
         """
     def __repr__(self) -> str:
@@ -553,6 +555,16 @@ class Environment:
     def age(self) -> numpy.typing.NDArray[numpy.float32]:
         """
         Seconds since each texel was last seen, (6, n, n) float32; infinite if never.
+        """
+    @property
+    def box(self) -> numpy.typing.NDArray[numpy.float64] | None:
+        """
+        Corners of the room along its walls, (2, 3) float64, metres; None where its walls are not known.
+        """
+    @property
+    def box_yaw(self) -> float:
+        """
+        Angle of the walls to the marker's axes, radians, counter-clockwise from above. It changes where capture finds that the marker was turned.
         """
     @property
     def centre(self) -> tuple:
@@ -945,6 +957,8 @@ class Capture:
     from how pictures taken from several places differ (see the property), and infinite until then.
     box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
     centre (Lagarde and Zanuttini 2012).
+    box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners of `box` are given
+    along the walls then, from the marker's origin.
     locate_lights: whether lights that several pictures show are triangulated and put where the object sees them, whatever
     `distance` and `box` say.
     prior: CubeMap of the place from an earlier time; its sky stands in for what no picture has seen, scaled per channel to
@@ -958,7 +972,7 @@ class Capture:
     how much of the light was boosted.
     Raises ValueError for values out of range.
     """
-    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex | None = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap | None = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85, most_boost: typing.SupportsFloat | typing.SupportsIndex = 1.0) -> None:
+    def __init__(self, size: typing.SupportsInt | typing.SupportsIndex = 128, board: Board | None = None, centre: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.05], plane_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.5, distance: typing.SupportsFloat | typing.SupportsIndex | None = None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None = None, locate_lights: bool = True, prior: CubeMap | None = None, doubt_exposures: bool = False, paper_albedo: typing.SupportsFloat | typing.SupportsIndex = 0.85, most_boost: typing.SupportsFloat | typing.SupportsIndex = 1.0, box_yaw: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -1904,7 +1918,7 @@ class FrameResult:
         Turned, where the board is out of view and the surroundings tell how the cameras turned; with it the map may be captured, but nothing is drawn. Else None.
         """
 class _Session:
-    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment | None, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex | None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap | None, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool) -> None:
+    def __init__(self, scene: Scene, rig: Rig, board: Board | None, environment: Environment | None, detector: typing.Any, backend: str, methods: _Methods, error: typing.SupportsFloat | typing.SupportsIndex, milliseconds: typing.SupportsFloat | typing.SupportsIndex, size: typing.SupportsInt | typing.SupportsIndex, cast_shadow: bool, distance: typing.SupportsFloat | typing.SupportsIndex | None, box: typing.Annotated[collections.abc.Sequence[typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"]], "FixedSize(2)"] | None, box_yaw: typing.SupportsFloat | typing.SupportsIndex, doubt_exposures: bool, front_ratio: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], follow_surroundings: bool, prior: CubeMap | None, paper_albedo: typing.SupportsFloat | typing.SupportsIndex, most_boost: typing.SupportsFloat | typing.SupportsIndex, adapt: bool, costs: collections.abc.Mapping[str, typing.SupportsFloat | typing.SupportsIndex], offline: bool) -> None:
         ...
     def _process(self, time: typing.SupportsFloat | typing.SupportsIndex, back: typing.Any, front: typing.Any, back_exposure: typing.SupportsFloat | typing.SupportsIndex | None, front_exposure: typing.SupportsFloat | typing.SupportsIndex | None, back_from_marker: typing.Any, back_last_row: typing.Any = None, attitude: typing.Any = None) -> FrameResult:
         ...

@@ -180,6 +180,8 @@ class Session(_Session):
     distance: rough distance of the walls in metres; infinite treats all light as distant. None (the default): found
     from how pictures taken from several places differ (capture.distance).
     box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame.
+    box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners are given along
+    the walls then, from the marker's origin.
     doubt_exposures: whether a picture that differs from the map by one factor everywhere is at first taken to be
     wrongly exposed, see Capture.
     front_ratio: per channel, the front camera's value for a light divided by the back camera's, see fastibl.white.
@@ -216,6 +218,7 @@ class Session(_Session):
         cast_shadow: bool = True,
         distance: float | None = None,
         box: Sequence[Sequence[float]] | None = None,
+        box_yaw: float = 0.0,
         doubt_exposures: bool = True,
         front_ratio: Sequence[float] = (1.0, 1.0, 1.0),
         follow_surroundings: bool = True,
@@ -252,6 +255,7 @@ class Session(_Session):
             cast_shadow,
             None if distance is None else float(distance),
             None if box is None else _numbers(box, (2, 3), "box").tolist(),
+            float(box_yaw),
             bool(doubt_exposures),
             _numbers(front_ratio, (3,), "front_ratio").tolist(),
             bool(follow_surroundings),

@@ -33,6 +33,7 @@ inline CaptureOptions capture_options(Input& in) {
   if (in.chance(4)) options.distance = in.any_double();
   if (in.chance(4)) options.box = RoomBox{glm::dvec3(in.any3()), glm::dvec3(in.any3())};
   if (in.chance(4)) options.box = RoomBox{glm::dvec3(-1 - in.share()), glm::dvec3(1 + in.share())};
+  if (options.box && in.chance(2)) options.box->yaw = in.any_double();
   options.locate_lights = !in.chance(4);
   options.doubt_exposures = in.chance(2);
   if (in.chance(8)) options.paper_albedo = in.any_double();

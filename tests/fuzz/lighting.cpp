@@ -94,7 +94,7 @@ Environment environment_of(Input& in, const CubeMap& map) {
     environment.light_positions.push_back(light);
   }
   if (in.chance(4))
-    environment.box = RoomBox{glm::dvec3(-1 - in.share()), glm::dvec3(1 + in.share())};
+    environment.box = RoomBox{glm::dvec3(-1 - in.share()), glm::dvec3(1 + in.share()), in.share()};
   return environment;
 }
 

@@ -76,7 +76,8 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   resample(old, [&](int, const glm::vec3& d) { return std::optional(old_from_new * d); });
   sweep_ = SphereSweep(options_.centre);
   tracks_ = LightTracks(options_.centre);
-  surroundings_ = Surroundings(outlines_, MapSurface(surface()));
+  if (options_.box) options_.box = turned(*options_.box, new_from_old);
+  surroundings_ = Surroundings(outlines_, {options_.centre, distance(), options_.box});
   quiet_ = QuietTiles(grid_);
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fastibl/capture/texel_view.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 namespace {
@@ -35,7 +36,8 @@ Surroundings::Surroundings(const TileOutlines& outlines, const MapSurface& surfa
 
 float Surroundings::weight(const glm::vec3& d, const Depth& depth) const {
   if (!depth.box) return depth.inverse_distance * glm::length(d);
-  const glm::vec3 most = glm::max(d * walls_[0], d * walls_[1]);
+  const glm::vec3 along(along_walls(d, surface_.walls_axis()));
+  const glm::vec3 most = glm::max(along * walls_[0], along * walls_[1]);
   return std::max(most.x, std::max(most.y, most.z));
 }
 

@@ -49,7 +49,7 @@ class Surroundings {
   // By tile, the length of the direction of its corner c over the corner's distance; padded to
   // whole vectors.
   const std::vector<float>& corner(int c) const { return corners_[c]; }
-  // 1 / distance of the walls along the axes: of the upper and of the lower walls.
+  // 1 / distance of the walls along their own axes: of the upper and of the lower walls.
   const glm::vec3* walls() const { return walls_; }
 
  private:

@@ -5,6 +5,7 @@
 
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
 namespace {
@@ -25,16 +26,21 @@ FaceAxes face_axes(int face) {
 struct FaceProjection {
   float origin[3], along_s[3], along_t[3];  // in the camera frame
   float world[3], world_s[3], world_t[3];   // marker frame
+  float walls[3], walls_s[3], walls_t[3];   // along the walls
 };
 
 FaceProjection on_face(const TexelView::Projection& p, int face) {
   const FaceAxes axes = face_axes(face);
+  const FaceAxes walls{shared::along_walls(axes.centre, p.walls_axis),
+                       shared::along_walls(axes.s, p.walls_axis),
+                       shared::along_walls(axes.t, p.walls_axis)};
   FaceProjection out;
   for (int r = 0; r < 3; ++r) {
     const glm::vec3 row(p.turn[0][r], p.turn[1][r], p.turn[2][r]);
     out.origin[r] = glm::dot(row, axes.centre);
     out.along_s[r] = glm::dot(row, axes.s), out.along_t[r] = glm::dot(row, axes.t);
     out.world[r] = axes.centre[r], out.world_s[r] = axes.s[r], out.world_t[r] = axes.t[r];
+    out.walls[r] = walls.centre[r], out.walls_s[r] = walls.s[r], out.walls_t[r] = walls.t[r];
   }
   return out;
 }
@@ -64,7 +70,7 @@ FASTIBL_CLONES void turn_texels(const TexelView::Projection& p, const FaceProjec
       if (box) {
         near = 0;
         for (int axis = 0; axis < 3; ++axis) {
-          const float d = f.world[axis] + a * f.world_s[axis] + b * f.world_t[axis];
+          const float d = f.walls[axis] + a * f.walls_s[axis] + b * f.walls_t[axis];
           const float upper = d * p.walls[0][axis], lower = d * p.walls[1][axis];
           near = upper > near ? upper : near;
           near = lower > near ? lower : near;
@@ -284,6 +290,7 @@ TexelView::TexelView(const Camera& camera, const Lens& lens, const PictureBounds
     above_.shift[r] = float(centre[r]);
     for (int k = 0; k < 2; ++k) above_.walls[k][r] = surroundings_.walls()[k][r];
   }
+  above_.walls_axis = surroundings_.surface().walls_axis();
   above_.pixels = float(texel);
   set_turn(below_, turn_below);
   below_.pixels = float(texel * std::max(0.0, height) / viewpoint.centre.z);

@@ -87,7 +87,8 @@ class TexelView {
     float turn[3][3];  // columns
     float shift[3];
     bool shifted;
-    float walls[2][3];  // of Surroundings
+    float walls[2][3];     // of Surroundings
+    glm::vec2 walls_axis;  // of its surface
     bool above;
     float plane_distance, centre_x, centre_y, masked_x, masked_y;
     bool masked;

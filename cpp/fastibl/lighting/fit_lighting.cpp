@@ -6,6 +6,7 @@
 #include "fastibl/lighting/fit_irradiance.h"
 #include "fastibl/lighting/fit_prefiltered_chain.h"
 #include "fastibl/lighting/harmonic_sums.h"
+#include "fastibl/scene/room_box.h"
 #include "fastibl/scene/shared_formulas.h"
 
 namespace fastibl {
@@ -35,10 +36,8 @@ namespace {
 float inverse_distance(const Lighting& lighting, glm::vec3 direction) {
   const float own = lighting.near_lights.inverse_distance(direction);
   if (own > 0 || !lighting.box) return own;
-  const glm::dvec3 centre(lighting.near_lights.centre);
-  return 1 / glm::length(shared::box_direction(direction, glm::vec3(0),
-                                               glm::vec3(lighting.box->lower - centre),
-                                               glm::vec3(lighting.box->upper - centre)));
+  const WallsAround walls(*lighting.box, lighting.near_lights.centre);
+  return 1 / glm::length(walls.direction(direction, glm::vec3(0)));
 }
 
 void make_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous) {

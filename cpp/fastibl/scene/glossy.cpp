@@ -118,19 +118,14 @@ GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
                        std::max(exponent, 1.0f));
     lights_ = arrays_of(lighting);
   }
-  boxed_ = lighting.box.has_value();
-  placed_ = boxed_ || lights_.any_near;
-  if (!boxed_) return;
-  const glm::dvec3 centre(lighting.near_lights.centre);
-  lower_ = glm::vec3(lighting.box->lower - centre);
-  upper_ = glm::vec3(lighting.box->upper - centre);
+  if (lighting.box) walls_.emplace(*lighting.box, lighting.near_lights.centre);
+  placed_ = walls_ || lights_.any_near;
 }
 
 // Where the map shows what is seen in that direction.
 glm::vec3 GlossyShading::looked(glm::vec3 direction, const glm::vec3* position) const {
-  if (!position || !boxed_) return direction;
-  return shared::box_direction(direction, *position - lighting_->near_lights.centre, lower_,
-                               upper_);
+  if (!position || !walls_) return direction;
+  return walls_->direction(direction, *position - lighting_->near_lights.centre);
 }
 
 glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 
 #include "fastibl/scene/light_arrays.h"
 #include "fastibl/scene/lighting.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
@@ -59,7 +61,7 @@ class GlossyShading {
 
   // Whether many points are shaded at once.
   bool in_blocks() const {
-    return !boxed_ &&
+    return !walls_ &&
            (method_ == GlossyMethod::mip ? exponent_ > 0
                                          : method_ != GlossyMethod::sampled && exponent_ >= 1);
   }
@@ -73,8 +75,8 @@ class GlossyShading {
   float level_ = 0;  // of `mip`
   GlossyLobe lobe_;
   LightArrays lights_;
-  bool placed_ = false, boxed_ = false;  // something is near; the walls are known
-  glm::vec3 lower_{0}, upper_{0};        // of the box, from the map's centre
+  std::optional<WallsAround> walls_;  // where they are known
+  bool placed_ = false;               // walls or lights are near
 };
 
 // Radiance that a lobe of half-vector exponent s ≥ 0 reflects towards the view (surface to eye);

@@ -8,12 +8,16 @@ namespace fastibl {
 
 MapSurface::MapSurface(const glm::dvec3& centre, double distance, const std::optional<RoomBox>& box)
     : centre_(centre), inverse_distance_(1 / distance), box_(box.has_value()) {
-  if (box) walls_[0] = 1.0 / (box->upper - centre), walls_[1] = 1.0 / (box->lower - centre);
+  if (!box) return;
+  axis_ = box->axis();
+  const glm::dvec3 at = along_walls(centre, axis_);
+  walls_[0] = 1.0 / (box->upper - at), walls_[1] = 1.0 / (box->lower - at);
 }
 
 double MapSurface::nearness(const glm::dvec3& direction) const {
   if (!box_) return inverse_distance_ > 0 ? inverse_distance_ * glm::length(direction) : 0;
-  const glm::dvec3 most = glm::max(direction * walls_[0], direction * walls_[1]);
+  const glm::dvec3 d = along_walls(direction, axis_);
+  const glm::dvec3 most = glm::max(d * walls_[0], d * walls_[1]);
   return std::max(most.x, std::max(most.y, most.z));
 }
 
@@ -21,9 +25,10 @@ glm::dvec3 MapSurface::recorded(const glm::dvec3& eye, const glm::dvec3& ray) co
   const glm::dvec3 offset = eye - centre_;
   double along = std::numeric_limits<double>::infinity();
   if (box_) {
+    const glm::dvec3 d = along_walls(ray, axis_), from = along_walls(offset, axis_);
     for (int axis = 0; axis < 3; ++axis) {
-      const double wall = 1.0 / walls_[ray[axis] < 0 ? 1 : 0][axis];
-      if (ray[axis] != 0) along = std::min(along, std::max(0.0, (wall - offset[axis]) / ray[axis]));
+      const double wall = 1.0 / walls_[d[axis] < 0 ? 1 : 0][axis];
+      if (d[axis] != 0) along = std::min(along, std::max(0.0, (wall - from[axis]) / d[axis]));
     }
   } else if (inverse_distance_ > 0) {
     const double distance = 1.0 / inverse_distance_;

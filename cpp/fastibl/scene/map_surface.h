@@ -29,8 +29,9 @@ class MapSurface {
   bool is_near() const { return box_ || inverse_distance_ > 0; }  // nearer than infinity
   double distance() const { return 1 / inverse_distance_; }       // of the sphere
   bool has_box() const { return box_; }
-  // 1 / distance of the walls along the axes: of the upper and of the lower walls.
+  // 1 / distance of the walls along the walls' own axes: of the upper and of the lower walls.
   const glm::dvec3* walls() const { return walls_; }
+  const glm::dvec2& walls_axis() const { return axis_; }  // cosine and sine of their yaw
   bool operator==(const MapSurface&) const = default;
 
  private:
@@ -38,6 +39,7 @@ class MapSurface {
   double inverse_distance_ = 0;
   bool box_ = false;
   glm::dvec3 walls_[2] = {glm::dvec3(0), glm::dvec3(0)};
+  glm::dvec2 axis_{1, 0};
 };
 
 }  // namespace fastibl

@@ -50,6 +50,8 @@ def cases() -> Iterator[Case]:
         ("a box that does not hold the centre", {"box": [(1, 1, 1), (2, 2, 2)]}),
         ("a box of NaN", {"box": [(np.nan, -1, -1), (1, 1, 1)]}),
         ("a box inside out", {"box": [(1, 1, 1), (-1, -1, -1)]}),
+        ("a box turned by NaN", {"box": [(-1, -1, -1), (1, 1, 1)], "box_yaw": np.nan}),
+        ("a turned box that is not given", {"box_yaw": 0.5}),
         ("a centre of NaN", {"centre": (np.nan, 0, 0)}),
         ("lights of three numbers", {"lights": [(0.0, 0.0, 1.0)]}),
     ):

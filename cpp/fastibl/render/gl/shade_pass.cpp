@@ -7,6 +7,7 @@
 #include "fastibl/core/check.h"
 #include "fastibl/scene/directional_albedo.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/room_box.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/sample_cells.h"
@@ -80,8 +81,10 @@ void set_surroundings(const Program& p, const Lighting& lighting) {
   glUseProgram(p.id());
   set(p, "map_centre", centre);
   if (!lighting.box) return;
-  set(p, "box_lower", glm::vec3(lighting.box->lower - glm::dvec3(centre)));
-  set(p, "box_upper", glm::vec3(lighting.box->upper - glm::dvec3(centre)));
+  const WallsAround walls(*lighting.box, centre);
+  set(p, "box_lower", walls.lower);
+  set(p, "box_upper", walls.upper);
+  glUniform2f(p.uniform("box_axis"), walls.axis.x, walls.axis.y);
 }
 
 void set_projection(const Program& p, const RenderInput& in, const Pose& pose) {
