@@ -9,6 +9,7 @@ import fastibl
 from fastibl.expected import present
 from fastibl.plain_text import tell
 from fastibl.recording import truth_of, write_rig
+from fastibl.white import camera_ratio
 
 FACES = np.ones((6, 8, 8, 3), np.float32)
 CUBE = fastibl.CubeMap(FACES)
@@ -101,12 +102,27 @@ def test_no_call_is_answered_with_signatures():
         (lambda: fastibl.Pose().angle_to(30), "other must be Pose, got int"),
         (lambda: CUBE.sample(), "sample needs directions: directions, level"),
         (lambda: fastibl.set_threads(np.zeros(3)), "count must be a whole number.*got array"),
+        (
+            lambda: fastibl.DirectionShadow(16).cast(None, np.zeros((1, 4))),
+            "cube must be CubeMap or Environment, got N",
+        ),
+        (lambda: fastibl.main_lights(FACES), "map must be CubeMap or Environment, got ndarray"),
+        (lambda: fastibl.Lighting(CUBE, previous=3), "previous must be Lighting or None, got int"),
+        (lambda: camera_ratio(CUBE), "environment must be Environment, got CubeMap"),
+        (lambda: fastibl.simulate(board=3), r"board must be a page with image\(dpi\), .*got 3"),
     ],
 )
 def test_the_argument_that_does_not_fit_is_named(call, told):
     with pytest.raises(TypeError, match=told) as error:
         call()
     assert len(str(error.value)) < 200
+
+
+@pytest.mark.parametrize("index", [3, 2**31, 2**32 + 1, -(2**40)])
+def test_the_vertex_that_is_not_there_is_named(index):
+    """Large ones were said to be -1."""
+    with pytest.raises(ValueError, match=f"triangle 1 has vertex index {index}, expected 0 to 2"):
+        fastibl.Mesh(np.eye(3), np.array([[0, 1, 2], [0, 1, index]]))
 
 
 def test_what_is_no_time_and_no_cost_is_named():

@@ -34,8 +34,13 @@ Mesh make_mesh(const py::object& vertices, const py::object& triangles, const py
   mesh.vertices.assign(vectors(v), vectors(v) + v.shape(0));
   for (py::ssize_t i = 0; i < wide.shape(0); ++i) {
     glm::ivec3 triangle;
-    for (int c = 0; c < 3; ++c)  // an index beyond int is out of range; −1 is reported as such
-      triangle[c] = wide.at(i, c) > 0x7fffffff || wide.at(i, c) < 0 ? -1 : int(wide.at(i, c));
+    for (int c = 0; c < 3; ++c) {
+      triangle[c] = int(wide.at(i, c));
+      if (triangle[c] != wide.at(i, c))
+        throw py::value_error("triangle " + std::to_string(i) + " has vertex index " +
+                              std::to_string(wide.at(i, c)) + ", expected 0 to " +
+                              std::to_string(v.shape(0) - 1));
+    }
     mesh.triangles.push_back(triangle);
   }
   if (!uvs.is_none()) {

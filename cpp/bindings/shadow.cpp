@@ -286,6 +286,8 @@ changed, the last map is returned. directions: how many stand for all light, see
              int resolution, const std::optional<float>& extent, const py::object& centre,
              bool outer) {
             const bool known = py::isinstance<Environment>(map);
+            if (!known && !py::isinstance<CubeMap>(map))
+              throw py::type_error("cube must be CubeMap or Environment, got " + type_name(map));
             const Environment* environment = known ? &map.cast<const Environment&>() : nullptr;
             const CubeMap& cube = known ? environment->radiance : map.cast<const CubeMap&>();
             const ShadowOptions options =

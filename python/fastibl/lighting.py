@@ -155,6 +155,7 @@ class Lighting(_Lighting):
         *,
         previous: Lighting | None = None,
     ):
+        expect(previous, (Lighting, type(None)), "previous")
         super().__init__(
             radiance_of(cube),
             method_name("diffuse", diffuse),

@@ -467,6 +467,8 @@ def simulate(
         raise ValueError("live frames are not kept: leave out away, or record them with a RecordingWriter")
     place, has_lamp = _place_of(environment, albedo)
     board = Board.default() if board is None else (board or None)
+    if board is not None and not callable(getattr(board, "image", None)):
+        raise TypeError(f"board must be a page with image(dpi), width and height, None or False, got {board!r}")
     if not callable(path) and path not in PATHS:
         raise ValueError(f"path must be one of {', '.join(PATHS)}, or a function of time, got {path!r}")
     path_rng, noise = (np.random.default_rng([seed, k]) for k in (0, 1))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Environment, texel_directions, texel_solid_angles
+from .expected import expect
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ def camera_ratio(environment: Environment) -> CameraRatio:
     as `tint`. It is as exact as the albedo of the paper, see Capture. Raises LookupError where no picture showed enough
     of the board's white, ValueError for a dark map.
     """
+    expect(environment, Environment, "environment")
     measured = environment.plane_irradiance
     if measured is None:
         raise LookupError("no picture showed enough of the board's white")
