@@ -200,7 +200,6 @@ class Capture {
   // True if the picture shows the board's white well enough.
   bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
                   const Taken& taken);
-  void take_changes(const std::vector<int>& changed, int refills);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
   void boost_lights(std::vector<int>& shown);
   glm::dvec3 boosted_flux() const;
@@ -258,16 +257,21 @@ class Capture {
   // Prefetch memory that will soon be worked on.
   void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
-  void make_levels(int tile);
   const float* angles_of(int tile) const;  // solid angles of its texels
   TileSums sum_of(int tile) const;
   void renew_all();  // in move_map.cpp
+  // In refill_map.cpp. What follows from tiles that changed; refills: see refills_after().
+  void take_changes(const std::vector<int>& changed, int refills);
+  // How many tiles may get new values for their unseen texels.
   int refills_after(double time, const Camera& camera) const;
+  // Whether the value of the tile's unseen texels is close to what it should be.
   bool is_small_refill(int tile) const;
+  // Gives the tile's unseen texels their value; false if there are none.
   bool refill(int tile);
   bool has_prior(int tile) const { return prior_ && unseen_.above(tile); }
   void refill_from_prior(int tile);
   bool match_prior(std::vector<int>& refilled);  // true if all is to be refilled at once
+  void make_levels(int tile);                    // for one of which any texel was seen
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
