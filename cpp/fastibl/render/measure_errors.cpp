@@ -6,18 +6,13 @@
 #include <deque>
 #include <functional>
 #include <optional>
-#include <span>
 #include <utility>
 
-#include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
+#include "fastibl/render/sample_shares.h"
 #include "fastibl/render/true_light.h"
-#include "fastibl/scene/response.h"
-#include "fastibl/shading/glossy_shares.h"
-#include "fastibl/shading/lobe_cells.h"
-#include "fastibl/shading/self_shadow.h"
+#include "fastibl/render/true_plane.h"
 #include "fastibl/shading/shade.h"
-#include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/mesh_shadow.h"
 #include "fastibl/shadow/scene_shadow.h"
 
@@ -26,9 +21,8 @@ namespace {
 
 using Colours = std::vector<glm::vec3>;
 
-constexpr float kPlaneLevel = 0.35f;  // of the plane in the picture, as a share of white
-// The same of the object's median pixel, at most: on a dark floor a picture is exposed for the
-// object.
+// Of the object's median pixel in the picture, at most, as a share of white: on a dark floor a
+// picture is exposed for the object.
 constexpr float kObjectLevel = 0.7f;
 // Of the bounce's own size. It also takes the plane to be even, which is judged by itself.
 constexpr float kBounceError = 0.06f;
@@ -38,220 +32,8 @@ constexpr float kBounceError = 0.06f;
 constexpr double kWithinPixel = 0.012;
 constexpr float kFallbackAlbedo = 0.5f;  // of the plane where the map is black below the horizon
 
-// Colours of the first `count` samples under some light: with all of their diffuse light and
-// nothing glossy, or the other way round.
-Colours colours(const SceneSamples& samples, std::size_t count, const Material& material,
-                const Lighting& lighting, glm::vec4 share) {
-  std::vector<Fragment> fragments;
-  for (const SceneSamples::Surface& s : std::span(samples.surface).first(count)) {
-    Fragment& f = fragments.emplace_back();
-    f.coverage = 1, f.position = s.position, f.normal = s.normal, f.share = share;
-    f.tangent = s.tangent, f.uv = s.uv, f.color = s.color;
-    f.uv_dx = {0.02f, 0}, f.uv_dy = {0, 0.02f};  // about a pixel's part of a texture
-  }
-  Colours result(count);
-  const SurfaceShading shading(material, lighting);
-  // The samples of one eye at a time.
-  for (std::size_t first = 0, last; first < count; first = last) {
-    const int view = samples.surface[first].view;
-    for (last = first; last < count && samples.surface[last].view == view;) ++last;
-    shading(std::span(fragments).subspan(first, last - first), samples.eyes[std::size_t(view)],
-            std::span(result).subspan(first, last - first));
-  }
-  return result;
-}
-
 void subtract(Colours& from, const Colours& what) {
   for (std::size_t i = 0; i < from.size(); ++i) from[i] -= what[i];
-}
-
-// The share of its light that reaches each sample, by P_V.
-std::vector<glm::vec4> ambient_shares(const SceneSamples& samples) {
-  std::vector<glm::vec4> result;
-  for (const SceneSamples::Surface& s : std::span(samples.surface).first(samples.seen)) {
-    float open = 0;
-    for (int k = 0; k < 3; ++k) open += s.weights[k] * samples.openness[std::size_t(s.corners[k])];
-    result.emplace_back(glm::vec3(open), 1);
-  }
-  return result;
-}
-
-// Shares by the directions that are free.
-std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMap& map,
-                                       const Irradiance& irradiance, const Material& material) {
-  std::vector<glm::vec4> result(samples.seen, glm::vec4(1));
-  if (samples.visibility.blocks_nothing()) return result;
-  std::vector<glm::vec4> by_vertex(samples.vertices.size(), glm::vec4(1));
-  CellLight light;
-  light.update(map, glm::transpose(samples.turned), samples.visibility.size);
-  if (material.reads_irradiance())
-    diffuse_shares(samples.visibility, light, irradiance, samples.normals, samples.turned,
-                   by_vertex);
-  const std::optional<LobeShape> lobe = material.lobe();
-  for (std::size_t v = 0; v < samples.picture_count; ++v) {
-    const glm::vec3 lifted(0, 0, samples.lifted);
-    if (lobe)
-      glossy_shares(samples.visibility, light, *lobe, samples.vertices, samples.normals,
-                    glm::transpose(samples.turned) * (samples.eyes[v] - lifted), by_vertex);
-    for (std::size_t i = 0; i < result.size(); ++i) {
-      const SceneSamples::Surface& s = samples.surface[i];
-      if (s.view != int(v)) continue;
-      result[i] = glm::vec4(0);
-      for (int k = 0; k < 3; ++k) result[i] += s.weights[k] * by_vertex[std::size_t(s.corners[k])];
-    }
-  }
-  return result;
-}
-
-// Shares of glossy light by each sample's lobe, and by what is hidden from the corners around it.
-void share_by_pixel(const SceneSamples& samples, const CubeMap& map, const Material& material,
-                    std::vector<glm::vec4>& shares) {
-  const std::optional<LobeShape> lobe = material.lobe();
-  if (!lobe || samples.visibility.blocks_nothing()) return;
-  CellLight light;
-  light.update(map, glm::transpose(samples.turned), samples.visibility.size);
-  const LobeCells cells(light, *lobe);
-  const glm::mat3 mesh_from_marker = glm::transpose(samples.turned);
-  std::array<HiddenCells, 3> hidden{HiddenCells(cells.size()), HiddenCells(cells.size()),
-                                    HiddenCells(cells.size())};
-  for (std::size_t i = 0; i < shares.size(); ++i) {
-    if (!is_touched(shares[i].w)) continue;
-    const SceneSamples::Surface& s = samples.surface[i];
-    for (std::size_t k = 0; k < 3; ++k)
-      hidden[k].set(samples.visibility.edges_of(std::size_t(s.corners[k])),
-                    samples.visibility.size);
-    shares[i].w =
-        cells.share(mesh_from_marker * s.normal, mesh_from_marker * s.to_eye,
-                    {{hidden[0].masks(), hidden[1].masks(), hidden[2].masks()}, s.weights});
-  }
-}
-
-// Traces the shares, where the object hides anything.
-void trace_light(const SceneSamples& samples, const CubeMap& map, const Material& material,
-                 std::vector<glm::vec4>& shares) {
-  if (samples.visibility.blocks_nothing()) return;
-  const TracedLight light(*samples.bvh, map, glm::mat3(1), material.reads_irradiance(),
-                          material.lobe());
-  parallel_for(int(shares.size()), 16, [&](int begin, int end) {
-    for (int i = begin; i < end; ++i) {
-      const SceneSamples::Surface& s = samples.surface[std::size_t(i)];
-      shares[std::size_t(i)] = light.shares(s.start, s.normal, s.to_eye);
-    }
-  });
-}
-
-// What is true on the plane, and which places count.
-struct PlaneTruth {
-  Colours ratio, added;  // the shadow's; the object's light there, divided by the plane's own
-  std::vector<std::size_t> counted;
-};
-
-// The pieces' light that the object hides from a place. hidden: 1 for directions hidden there.
-glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, glm::vec2 place,
-                       const std::uint8_t* hidden) {
-  const glm::vec3 from(place, samples.above), to = samples.centre - from;
-  const float distance = glm::length(to);
-  const float cosine = distance > samples.radius
-                           ? std::sqrt(1 - samples.radius * samples.radius / (distance * distance))
-                           : -1;
-  glm::vec3 lost(0);
-  std::vector<std::size_t> asked;
-  constexpr std::size_t kCount = BrightPieces::kCount;
-  for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
-    const std::size_t k = bright.cut_texels[b];
-    const bool same = same_around(hidden, k);
-    if (same && !hidden[k]) continue;
-    for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i) {
-      if (!(bright.z[i] > 0)) continue;
-      if (same)
-        lost += bright.z[i] * bright.flux(i);
-      else if (glm::dot(bright.direction(i), to) >= cosine * distance)
-        asked.push_back(i);
-    }
-  }
-  if (asked.empty()) return lost;
-  DirectionSet set(int(asked.size()));
-  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.direction(asked[i]));
-  std::vector<std::uint8_t> met(asked.size(), 0);
-  samples.bvh->occluded(from, set, 0, met);
-  for (std::size_t i = 0; i < asked.size(); ++i)
-    if (met[i]) lost += bright.z[asked[i]] * bright.flux(asked[i]);
-  return lost;
-}
-
-// Mean of the light `sent` by the samples, as it reaches a place on the plane; each sample is
-// weighted by the form factor of the surface that it stands for. Where any of them sees the place,
-// those do not count from which other parts of the object hide it: a cup's inside is dark.
-glm::vec3 mean_received(const SceneSamples& samples, const Colours& sent, glm::vec2 place) {
-  constexpr float kGrazing = 0.1f;
-  constexpr std::size_t n = SceneSamples::kLevelSize;
-  constexpr std::size_t kEnough = 1200;  // samples: as many as all views have
-  const float near2 = 1e-4f * samples.radius * samples.radius;
-  glm::vec3 sum(0), free_sum(0);
-  float all = 0, all_free = 0;
-  const std::size_t step = (sent.size() + kEnough - 1) / kEnough;
-  for (std::size_t i = 0; i < sent.size(); i += step) {
-    const SceneSamples::Surface& s = samples.surface[i];
-    const glm::vec3 d = s.position - glm::vec3(place, 0);
-    const float facing = -glm::dot(s.normal, d), distance2 = glm::dot(d, d) + near2;
-    if (!(facing > 0 && d.z > 0)) continue;
-    const float seen = std::max(glm::dot(s.normal, s.to_eye), kGrazing);
-    const float part = facing * d.z / (seen * distance2 * distance2);
-    sum += part * sent[i], all += part;
-    const TexelPlace towards = texel_at(-d, int(n));
-    const std::size_t k =
-        (std::size_t(towards.face) * n + std::size_t(towards.y)) * n + std::size_t(towards.x);
-    if (samples.free[i * samples.direction_count() + k])
-      free_sum += part * sent[i], all_free += part;
-  }
-  return all_free > 0 ? free_sum / all_free : all > 0 ? sum / all : glm::vec3(0);
-}
-
-// Whether this factor on the plane's light changes the plane's picture by more than a code.
-bool shows(glm::vec3 gain) {
-  static const Response response;
-  static const float bare = response.encode(kPlaneLevel);
-  bool any = false;
-  for (int c = 0; c < 3; ++c)
-    any |= std::abs(response.encode(kPlaneLevel * gain[c]) - bare) > 1 / 255.0f;
-  return any;
-}
-
-PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
-                       const BrightPieces& bright, const Colours& sent) {
-  const std::size_t places = samples.plane.size();
-  PlaneTruth truth{Colours(places, glm::vec3(1)), Colours(places, glm::vec3(0)), {}};
-  std::vector<std::uint8_t> counts(places, 0);
-  parallel_for(int(places), 16, [&](int begin, int end) {
-    std::vector<std::uint8_t> hidden(samples.direction_count());
-    for (std::size_t p = std::size_t(begin); p < std::size_t(end); ++p) {
-      const auto directions =
-          std::span(samples.hidden)
-              .subspan(samples.plane_first[p], samples.plane_first[p + 1] - samples.plane_first[p]);
-      std::fill(hidden.begin(), hidden.end(), std::uint8_t(0));
-      for (const std::uint16_t k : directions) hidden[k] = 1;
-      glm::vec3 lost = hidden_light(bright, samples, samples.plane[p], hidden.data());
-      float factor = 0;
-      for (const std::uint16_t k : directions) {
-        const float z = samples.directions[k].z;
-        if (!bright.cut[k]) lost += z * flux[k];
-        factor += z * samples.solid_angles[k] / kPi;
-      }
-      const glm::vec3 light =
-          factor > 0 ? factor * mean_received(samples, sent, samples.plane[p]) : glm::vec3(0);
-      glm::vec3 &ratio = truth.ratio[p], &added = truth.added[p];
-      for (int c = 0; c < 3; ++c) {
-        if (flux.plane[c] > 0) {
-          ratio[c] = std::max(1 - lost[c] / flux.plane[c], 0.0f);
-          added[c] = light[c] / flux.plane[c];
-        }
-      }
-      counts[p] = shows(ratio + added);
-    }
-  });
-  for (std::size_t p = 0; p < places; ++p)
-    if (counts[p]) truth.counted.push_back(p);
-  return truth;
 }
 
 double square(double x) { return x * x; }
@@ -440,7 +222,7 @@ void judge_plane(const Judged& j, const std::vector<PlaneRatios>& ratios, Measur
   const PlaneRatios& finest = ratios.back();
   std::vector<std::size_t> close;
   for (std::size_t p = 0; p < finest.close.size(); ++p)
-    if (shows(finest.close[p])) close.push_back(p);
+    if (shows_on_plane(finest.close[p])) close.push_back(p);
   for (const PlaneRatios& r : ratios) {
     const auto from_finest = [&](const std::vector<std::size_t>& places,
                                  const std::vector<double>& areas, Colours PlaneRatios::*ratio) {
@@ -514,9 +296,9 @@ struct ErrorMeasurement::Work {
     const std::vector<glm::vec3> ones(6, glm::vec3(1));
     const Lighting white = fit_lighting(std::make_shared<const CubeMap>(1, ones), plain);
     const std::size_t every = samples.surface.size();
-    j.emission = colours(samples, every, material, white, glm::vec4(0));
-    j.diffuse_factor = colours(samples, every, material, white, {1, 1, 1, 0});
-    j.glossy_factor = colours(samples, samples.seen, material, white, {0, 0, 0, 1});
+    j.emission = sample_colours(samples, every, material, white, glm::vec4(0));
+    j.diffuse_factor = sample_colours(samples, every, material, white, {1, 1, 1, 0});
+    j.glossy_factor = sample_colours(samples, samples.seen, material, white, {0, 0, 0, 1});
     subtract(j.diffuse_factor, j.emission), subtract(j.glossy_factor, j.emission);
     LightingOptions finest = plain;
     finest.diffuse = DiffuseMethod::irradiance_cube;
@@ -587,7 +369,7 @@ struct ErrorMeasurement::Work {
     options.irradiance = false;
     Lighting lighting = fit_lighting(map, options, last.radiance ? &last : nullptr);
     lighting.irradiance = reference.irradiance;
-    glossy.push_back(colours(samples, samples.seen, material, lighting, {0, 0, 0, 1}));
+    glossy.push_back(sample_colours(samples, samples.seen, material, lighting, {0, 0, 0, 1}));
     subtract(glossy.back(), judged->emission);
     if (lighting.chain) last = std::move(lighting);
   }
@@ -601,7 +383,7 @@ struct ErrorMeasurement::Work {
       if (transfer.empty())
         transfer = transfer_shares(samples, *map, reference.irradiance, material);
       shares.push_back(transfer);
-      if (method == SelfShadowMethod::traced) trace_light(samples, *map, material, shares.back());
+      if (method == SelfShadowMethod::traced) trace_shares(samples, *map, material, shares.back());
       if (method == SelfShadowMethod::pixel_transfer)
         share_by_pixel(samples, *map, material, shares.back());
     }
