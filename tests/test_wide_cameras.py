@@ -195,8 +195,9 @@ def test_wide_cameras_do_not_track_or_draw():
     with pytest.raises(ValueError, match=r"perspective.*fisheye"):
         fastibl.Tracker(board, FISHEYE)
     scene = scene_of(figurine(detail=0.9))
-    with pytest.raises(ValueError, match=r"perspective.*fisheye"):
-        fastibl.Session(scene, fastibl.Rig(FISHEYE), board)
+    for options in ({"board": board}, {"environment": fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32))}):
+        with pytest.raises(ValueError, match=r"perspective.*fisheye"):  # before the first frame
+            fastibl.Session(scene, fastibl.Rig(FISHEYE), **options)
 
 
 def test_bad_wide_cameras_are_refused():

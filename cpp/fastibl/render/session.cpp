@@ -45,6 +45,7 @@ Scene checked(Scene scene) {
 
 Rig checked(Rig rig) {
   rig.validate();
+  const Lens lens(rig.back);  // throws where it has none: nothing could be drawn
   return rig;
 }
 
