@@ -6,6 +6,10 @@ import shutil
 import tempfile
 from pathlib import Path
 
+# Processes share the cores. OpenBLAS's threads wait for each other in a loop: where other processes have the cores, the
+# small products of a fit take several times as long. It reads this once, when NumPy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
@@ -16,7 +20,7 @@ from fastibl.measuring.samples import units  # noqa: F401 - for tests
 if "FASTIBL_CACHE" not in os.environ:
     os.environ["FASTIBL_CACHE"] = tempfile.mkdtemp(prefix="fastibl-tests-")
     atexit.register(shutil.rmtree, os.environ["FASTIBL_CACHE"], ignore_errors=True)
-fastibl.set_threads(1)  # processes share the cores; tests of more threads set them
+fastibl.set_threads(1)  # as with OpenBLAS; tests of more threads set them
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAPS = sorted((SHARED / "hdri").glob("*.hdr"))
