@@ -397,7 +397,20 @@ COMPILERS = [
 
 
 def test_every_public_header_compiles_alone(build_tree):
-    run("cmake", "--build", build_tree, "--target", "all_verify_interface_header_sets")
+    """A header that a source of the library includes before all else has compiled alone there, as there are no
+    precompiled headers in this tree. CMake's check compiles the others.
+    """
+    first = set()
+    for source in (ROOT / "cpp" / "fastibl").rglob("*.cpp"):
+        included = re.search(r'^\s*#include ["<](.+)[">]', source.read_text(), re.M)
+        first.update(included.groups() if included else ())
+    ninja = (build_tree / "build.ninja").read_text()
+    assert "cmake_pch" not in ninja
+    objects = re.findall(r"^build (\S+_verify_interface_header_sets/(fastibl/\S+\.h)\.cxx\.o):", ninja, re.M)
+    assert set(public_headers()) <= {header for _, header in objects}
+    others = [path for path, header in objects if header not in first]
+    assert len(others) > 20
+    run("cmake", "--build", build_tree, "--target", *others)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
