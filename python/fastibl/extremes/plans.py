@@ -4,53 +4,57 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from .._fastibl import CubeMap, Material, Scene, due_passes
+from .._fastibl import CubeMap, Material, Mesh, Scene, due_passes
 from ..lighting import Method, resolve_methods
 from ..session import make_plan
 from .case import Case, Outcome, refused, result_or_refusal
 from .worlds import MAPS, ball_mesh, map_named
 
+# How each scene is made, by name. Cases name them, so that a list of cases makes none.
+_MAKERS: dict[str, Callable[[Mesh], Scene]] = {
+    "matte": lambda ball: Scene(ball, spheres=4, visibility_rays=0),
+    "mirror": lambda ball: Scene(
+        ball, Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=np.inf), spheres=4, visibility_rays=0
+    ),
+    "black": lambda ball: Scene(ball, Material(diffuse=(0, 0, 0)), spheres=0, visibility_rays=0),
+    "glowing": lambda ball: Scene(
+        ball, Material(diffuse=(0, 0, 0), emission=(1e9, 1e9, 1e9)), spheres=0, visibility_rays=0
+    ),
+    "all of it": lambda ball: Scene(ball, Material.pbr((1, 1, 1), 0.5, 0.5), spheres=4, visibility_rays=8),
+}
 
-def _scenes() -> dict[str, Scene]:
-    ball = ball_mesh(steps=8)
-    return {
-        "matte": Scene(ball, spheres=4, visibility_rays=0),
-        "mirror": Scene(
-            ball, Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=np.inf), spheres=4, visibility_rays=0
-        ),
-        "black": Scene(ball, Material(diffuse=(0, 0, 0)), spheres=0, visibility_rays=0),
-        "glowing": Scene(ball, Material(diffuse=(0, 0, 0), emission=(1e9, 1e9, 1e9)), spheres=0, visibility_rays=0),
-        "all of it": Scene(ball, Material.pbr((1, 1, 1), 0.5, 0.5), spheres=4, visibility_rays=8),
-    }
+
+@cache
+def _scene(name: str) -> Scene:
+    return _MAKERS[name](ball_mesh(steps=8))
 
 
 def cases() -> Iterator[Case]:
-    scenes = _scenes()
-    for name, budget in itertools.product(scenes, (0.0, 1e-30, 1e-3, 0.5, 1.0)):
+    for name, budget in itertools.product(_MAKERS, (0.0, 1e-30, 1e-3, 0.5, 1.0)):
         yield Case(
             "plan",
             f"{name}, an error of {budget:g}",
             "every pass is in it, or has a reason",
-            partial(_complete, scenes[name], error=budget),
+            partial(_complete, name, error=budget),
         )
     for name, budget in itertools.product(("matte", "all of it"), (1e-30, 1e-3, 1e30)):
         yield Case(
             "plan",
             f"{name}, {budget:g} ms",
             "every pass is in it, or has a reason",
-            partial(_complete, scenes[name], milliseconds=budget),
+            partial(_complete, name, milliseconds=budget),
         )
     for name in MAPS:
         yield Case(
             "plan",
             f"{name}: errors and bounds",
             "finite, never negative",
-            partial(_of_map, scenes["all of it"], name),
+            partial(_of_map, name),
         )
     yield Case(
         "plan",
@@ -58,19 +62,19 @@ def cases() -> Iterator[Case]:
         "what is chosen keeps to them or says that it does not; the less is allowed, the nearer and the longer",
         _budgets_choose,
     )
-    for name in scenes:
+    for name in _MAKERS:
         yield Case(
             "plan",
             f"{name}: every state of the products",
             "nothing is due twice; what is fresh is not made",
-            partial(_due, scenes[name]),
+            partial(_due, name),
         )
     for name, value in (("NaN", np.nan), ("negative", -1.0), ("infinite", np.inf)):
         yield Case(
             "plan",
             f"an error that is {name}",
             "a plan, or ValueError",
-            partial(result_or_refusal, partial(_complete, scenes["matte"], error=value)),
+            partial(result_or_refusal, partial(_complete, "matte", error=value)),
         )
     for what, call in (
         ("an unknown method", lambda: resolve_methods("magic")),
@@ -79,8 +83,8 @@ def cases() -> Iterator[Case]:
         ("an unknown setting", lambda: Method("sh9-lobes", magic=1)),
         ("a setting of 1.5", lambda: Method("sh9-lobes", lobes=1.5)),
         ("a setting of NaN", lambda: Method("sh9-lobes", lobes=np.nan)),
-        ("a setting of 1e30", lambda: make_plan(scenes["matte"], methods={"diffuse": Method("sh9-lobes", lobes=1e30)})),
-        ("-2 lobes", lambda: make_plan(scenes["matte"], methods={"diffuse": Method("sh9-lobes", lobes=-2)})),
+        ("a setting of 1e30", lambda: make_plan(_scene("matte"), methods={"diffuse": Method("sh9-lobes", lobes=1e30)})),
+        ("-2 lobes", lambda: make_plan(_scene("matte"), methods={"diffuse": Method("sh9-lobes", lobes=-2)})),
     ):
         yield Case("plan", what, "an error that says what there is", partial(_refused, call))
 
@@ -89,8 +93,8 @@ def _refused(call: Callable[[], object]) -> Outcome:
     return refused(call, (ValueError, TypeError, OverflowError))
 
 
-def _complete(scene: Scene, environment: CubeMap | None = None, **budget: Any) -> Outcome:
-    plan = make_plan(scene, environment, **budget)
+def _complete(scene: str, environment: CubeMap | None = None, **budget: Any) -> Outcome:
+    plan = make_plan(_scene(scene), environment, **budget)
     silent = [p.name for p in plan.passes if not p.included and not p.reason]
     some = [plan.omission_bound, *(n for p in plan.passes for n in (p.bound, p.error))]
     numbers = [plan.expected_error, *(n for n in some if n is not None)]
@@ -104,8 +108,8 @@ def _complete(scene: Scene, environment: CubeMap | None = None, **budget: Any) -
     )
 
 
-def _of_map(scene: Scene, name: str) -> Outcome:
-    return _complete(scene, map_named(name), error=0.02)
+def _of_map(name: str) -> Outcome:
+    return _complete("all of it", map_named(name), error=0.02)
 
 
 def _budgets_choose() -> Outcome:
@@ -122,8 +126,8 @@ def _budgets_choose() -> Outcome:
     )
 
 
-def _due(scene: Scene) -> Outcome:
-    plan = make_plan(scene)
+def _due(scene: str) -> Outcome:
+    plan = make_plan(_scene(scene))
     products = sorted({product for p in plan.passes for product in p.writes | p.reads | p.needs})
     rng = np.random.default_rng(0)
     states = [set(), set(products)] + [set(rng.choice(products, rng.integers(1, len(products)))) for _ in range(500)]
