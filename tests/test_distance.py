@@ -69,7 +69,7 @@ def test_walls_are_found_at_their_distance():
 
 def test_what_is_far_stays_so():
     capture = fastibl.Capture(size=64, centre=CENTRE)
-    assert all(capture.distance == np.inf for _ in film(capture, far, views(24)))
+    assert all(capture.distance == np.inf and capture.box is None for _ in film(capture, far, views(24)))
     told = after(fastibl.Capture(size=64, centre=CENTRE, distance=np.inf), far, views(24))
     assert np.array_equal(capture.environment().radiance.faces, told.environment().radiance.faces)
 

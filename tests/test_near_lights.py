@@ -187,7 +187,8 @@ def error_in_room(environment, yaw=0.0):
 
 def test_a_box_puts_walls_where_they_are():
     errors = {}
-    for name, options in {"infinity": {}, "3 m": {"distance": 3.0}, "box": {"box": (LOWER, UPPER)}}.items():
+    told = {"infinity": {"distance": np.inf}, "3 m": {"distance": 3.0}, "box": {"box": (LOWER, UPPER)}}
+    for name, options in told.items():
         capture = fastibl.Capture(size=64, centre=CENTRE, **options)
         film_around(capture)
         errors[name] = error_in_room(capture.environment())
@@ -209,6 +210,32 @@ def test_walls_at_an_angle_to_the_marker(degrees):
     print(errors)
     assert errors["told"] < 0.01
     assert errors["told"] < errors["not told"] / 3
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0, -75.0])
+def test_walls_that_nobody_told_are_found(degrees):
+    """At any angle; which of them is which, nobody knows."""
+    yaw = np.radians(degrees)
+    errors = {}
+    for name, options in {
+        "found": {},
+        "3 m": {"distance": 3.0},
+        "told": {"box": (LOWER, UPPER), "box_yaw": yaw},
+    }.items():
+        capture = fastibl.Capture(size=64, centre=CENTRE, **options)
+        film_around(capture, yaw)
+        errors[name] = error_in_room(capture.environment(), yaw)
+        if name == "found":
+            box, turn = capture.box, np.degrees(capture.box_yaw)
+            assert capture.environment().box is None  # it is capture's own: nobody told it
+        assert (capture.box is None) == (name == "3 m")
+    off = (turn - degrees + 45) % 90 - 45
+    quarter = round((turn - degrees - off) / 90) % 2
+    true = np.array([UPPER - LOWER, (UPPER - LOWER)[[1, 0, 2]]])[quarter]
+    print(f"{degrees} degrees: {box.round(2).tolist()}, {off:.1f} degrees off; errors {errors}")
+    assert abs(off) < 6 and abs(box[1, 2] / UPPER[2] - 1) < 0.03
+    np.testing.assert_allclose((box[1] - box[0])[:2], true[:2], rtol=0.15)
+    assert errors["found"] < errors["3 m"] / 2
 
 
 def test_walls_turn_with_a_marker_that_is_turned():

@@ -72,7 +72,8 @@ plane_albedo: albedo of the plane where no camera saw it.
 paper_albedo: albedo of the board's white, which is a light meter: unseen parts of the sky are made so bright that the
 map lights the plane as it is really lit.
 distance: metres to what is seen above the horizon; infinite treats all light as distant. None (the default): found
-from how pictures taken from several places differ (see the property), and infinite until then.
+from how pictures taken from several places differ (see the property), and infinite until then; once it is found, so
+are the walls of a room (see the property box).
 box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
 centre (Lagarde and Zanuttini 2012).
 box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners of `box` are given
@@ -169,7 +170,21 @@ Raises ValueError or TypeError, naming what was expected and what came.)")
             return one_at_a_time(&capture, [&] { return capture.distance(); });
           },
           "Metres to what is seen above the horizon: as given, or as the pictures say so far; inf "
-          "where all light is distant. Without meaning where a box is given.")
+          "where all light is distant. Without meaning where a box is known.")
+      .def_property_readonly(
+          "box",
+          [](const Capture& capture) {
+            return corners(one_at_a_time(&capture, [&] { return capture.surface().box(); }));
+          },
+          "Corners of the room along its walls, (2, 3) float64, metres: as given, or as the "
+          "pictures "
+          "say so far; None where no walls are known.")
+      .def_property_readonly(
+          "box_yaw",
+          [](const Capture& capture) {
+            return yaw_of(one_at_a_time(&capture, [&] { return capture.surface().box(); }));
+          },
+          "Angle of these walls to the marker's axes, radians, counter-clockwise from above.")
       .def_property_readonly(
           "mended",
           [](const Capture& capture) {

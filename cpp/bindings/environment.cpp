@@ -126,19 +126,11 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
           "centre", [](const Environment& e) { return triple(e.centre); },
           "The place from which the radiance is seen, metres, marker frame.")
       .def_property_readonly(
-          "box",
-          [](const Environment& e) -> std::optional<Doubles> {
-            if (!e.box) return std::nullopt;
-            Doubles out({2, 3});
-            for (int k = 0; k < 3; ++k)
-              out.mutable_at(0, k) = e.box->lower[k], out.mutable_at(1, k) = e.box->upper[k];
-            return out;
-          },
-          "Corners of the room along its walls, (2, 3) float64, metres; None where its walls are "
-          "not "
-          "known.")
+          "box", [](const Environment& e) { return corners(e.box); },
+          "Corners of the room along its walls, (2, 3) float64, metres; None where nobody told "
+          "them.")
       .def_property_readonly(
-          "box_yaw", [](const Environment& e) { return e.box ? e.box->yaw : 0.0; },
+          "box_yaw", [](const Environment& e) { return yaw_of(e.box); },
           "Angle of the walls to the marker's axes, radians, counter-clockwise from above. It "
           "changes "
           "where capture finds that the marker was turned.")

@@ -559,7 +559,7 @@ class Environment:
     @property
     def box(self) -> numpy.typing.NDArray[numpy.float64] | None:
         """
-        Corners of the room along its walls, (2, 3) float64, metres; None where its walls are not known.
+        Corners of the room along its walls, (2, 3) float64, metres; None where nobody told them.
         """
     @property
     def box_yaw(self) -> float:
@@ -954,7 +954,8 @@ class Capture:
     paper_albedo: albedo of the board's white, which is a light meter: unseen parts of the sky are made so bright that the
     map lights the plane as it is really lit.
     distance: metres to what is seen above the horizon; infinite treats all light as distant. None (the default): found
-    from how pictures taken from several places differ (see the property), and infinite until then.
+    from how pictures taken from several places differ (see the property), and infinite until then; once it is found, so
+    are the walls of a room (see the property box).
     box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame, around the
     centre (Lagarde and Zanuttini 2012).
     box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners of `box` are given
@@ -1012,9 +1013,19 @@ class Capture:
         Tells the capture that the marker was turned: what is above the horizon turns with the rotation of this Pose, lights have to be located anew, and the plane is forgotten.
         """
     @property
+    def box(self) -> numpy.typing.NDArray[numpy.float64] | None:
+        """
+        Corners of the room along its walls, (2, 3) float64, metres: as given, or as the pictures say so far; None where no walls are known.
+        """
+    @property
+    def box_yaw(self) -> float:
+        """
+        Angle of these walls to the marker's axes, radians, counter-clockwise from above.
+        """
+    @property
     def distance(self) -> float:
         """
-        Metres to what is seen above the horizon: as given, or as the pictures say so far; inf where all light is distant. Without meaning where a box is given.
+        Metres to what is seen above the horizon: as given, or as the pictures say so far; inf where all light is distant. Without meaning where a box is known.
         """
     @property
     def last_seen(self) -> numpy.typing.NDArray[numpy.float64]:

@@ -178,7 +178,7 @@ class Session(_Session):
     detector: function (grey, board, camera) -> (tags, start), OpenCV's by default.
     size: face edge of the captured map.
     distance: rough distance of the walls in metres; infinite treats all light as distant. None (the default): found
-    from how pictures taken from several places differ (capture.distance).
+    from how pictures taken from several places differ (capture.distance), and then the walls of a room (capture.box).
     box: the room's walls, floor and ceiling instead of a distance: two corners (2, 3), metres, marker frame.
     box_yaw: angle of the walls to the marker's axes, radians, counter-clockwise from above; the corners are given along
     the walls then, from the marker's origin.

@@ -211,7 +211,9 @@ class Capture {
   // In move_map.cpp. Learns the distance where it was not given.
   void find_distance(const Picture& picture, const KnownCamera& camera,
                      const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask);
-  void move_to(double distance);
+  void move_to(const MapSurface& surface);
+  // The room's walls as they now stand to the marker, if they were given.
+  std::optional<RoomBox> told_box() const { return options_.box ? surface().box() : std::nullopt; }
   template <class Source>
   void resample(const TexelState& old, const Source& source);
   // In locate_lights.cpp.

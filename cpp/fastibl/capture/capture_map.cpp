@@ -95,7 +95,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
   const double boosted = more.x + more.y + more.z;
   flux += boosted, up_flux += boosted;
   snapshot.time = time_;
-  snapshot.centre = options_.centre, snapshot.box = options_.box;
+  snapshot.centre = options_.centre, snapshot.box = told_box();
   snapshot.plane_irradiance = plane_irradiance_;
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);

@@ -12,6 +12,7 @@ constexpr double kSamePlace = 0.02;  // metres between eyes; below, nothing new 
 constexpr double kPose = 0.004;      // radians: of the pose and of the middle of a small spot
 constexpr double kShape = 0.05;      // of the angular radius: its outline changes with the view
 constexpr double kLikely = 0.3, kSpread = 0.5;  // 1 / m: ρ before anything is known of it
+constexpr double kBeforeWalls = 0.5;  // of that, where walls were found
 constexpr double kNearest = 5;                  // 1 / m
 constexpr double kGate = 16;  // squared standard deviations of a sighting from its track
 constexpr double kSizes = 4;  // ratio of a sighting's solid angle to the last one's
@@ -162,9 +163,11 @@ std::vector<LightPosition> LightTracks::positions() const {
 
 // Each track counts by how well it is known: one seen once says no more than what was likely
 // before.
-LightTracks::Nearness LightTracks::nearness(const MapSurface& usual) const {
-  // Whoever gives a box knows that lights hang on its walls, unless they are seen elsewhere.
-  double sum = usual.has_box() ? 0 : kLikely - usual.nearness({0, 0, 1}), weight = 1;
+LightTracks::Nearness LightTracks::nearness(const MapSurface& usual, bool told) const {
+  // Whoever tells a box knows that lights hang on its walls, unless they are seen elsewhere. Walls
+  // that were found tell part of it: there may be things before them.
+  const double doubted = told ? 0 : usual.box() ? kBeforeWalls : 1;
+  double sum = doubted * (kLikely - usual.nearness({0, 0, 1})), weight = 1;
   for (const Track& track : tracks_) {
     const double own = kSpread * kSpread / track.covariance[2][2];
     sum += own * (track.inverse_distance - usual.nearness(track.v)), weight += own;

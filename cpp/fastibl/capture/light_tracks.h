@@ -36,7 +36,7 @@ class LightTracks {
   struct Nearness {
     double gap, seen;
   };
-  Nearness nearness(const MapSurface& usual) const;
+  Nearness nearness(const MapSurface& usual, bool told) const;
   // Lines of sight along which a light was seen, for lights that the last picture shows.
   struct Sight {
     glm::dvec3 eye, direction;

@@ -65,7 +65,7 @@ Capture::Parallax Capture::parallax() const {
   const double by_gap = kParallax * far_ / looks_;  // gap: 1 / m
   const std::vector<LightPosition>& lights = surroundings_.lights();
   if (lights.empty()) {
-    const LightTracks::Nearness near = tracks_.nearness(surroundings_.surface());
+    const LightTracks::Nearness near = tracks_.nearness(surface(), options_.box.has_value());
     const double all = at_most_all(by_gap * std::abs(near.gap));
     const double seen = at_most_all(near.seen);
     return {seen * all, (1 - seen) * all};

@@ -76,8 +76,9 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   resample(old, [&](int, const glm::vec3& d) { return std::optional(old_from_new * d); });
   sweep_ = SphereSweep(options_.centre);
   tracks_ = LightTracks(options_.centre);
-  if (options_.box) options_.box = turned(*options_.box, new_from_old);
-  surroundings_ = Surroundings(outlines_, {options_.centre, distance(), options_.box});
+  std::optional<RoomBox> box = surface().box();
+  if (box) box = turned(*box, new_from_old);
+  surroundings_ = Surroundings(outlines_, {options_.centre, distance(), box});
   quiet_ = QuietTiles(grid_);
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
@@ -93,13 +94,13 @@ void Capture::find_distance(const Picture& picture, const KnownCamera& known, co
   sweep_.add(
       known.pixels(picture), known.camera, known.lens, poses,
       [&](float x, float y) { return known.vignette(x, y); }, mask);
-  if (const auto better = sweep_.better_than(1 / distance())) move_to(1 / *better);
+  if (const auto better = sweep_.better_than(surface())) move_to(*better);
 }
 
-// What was recorded for another distance was seen from a known place, so it can be recorded anew.
-void Capture::move_to(double distance) {
-  const Surroundings before = std::exchange(
-      surroundings_, Surroundings(outlines_, {options_.centre, distance, options_.box}));
+// What was recorded for another place was seen from a known one, so it can be recorded anew.
+void Capture::move_to(const MapSurface& surface) {
+  const Surroundings before =
+      std::exchange(surroundings_, Surroundings(outlines_, MapSurface(surface)));
   surroundings_.place(outlines_, std::vector<LightPosition>(before.lights()));
   const auto tile_of = [&](const glm::dvec3& direction) {
     const TexelPlace at = texel_at(glm::vec3(direction), grid_.size);
@@ -114,7 +115,8 @@ void Capture::move_to(double distance) {
   if (seen > 0) usual_eye /= seen;
   // Where a point was recorded depends on where its tile was seen from, and that on the tile.
   const auto recorded_in = [&](int tile, const glm::dvec3& direction) {
-    const glm::dvec3 point = options_.centre + std::min(distance, kFarAway) * direction;
+    const double nearness = std::max(surface.nearness(direction), 1 / kFarAway);
+    const glm::dvec3 point = options_.centre + direction / nearness;
     glm::dvec3 there = direction;
     for (int round = 0; round < kRounds; ++round) {
       const std::size_t from = round == 0 ? std::size_t(tile) : tile_of(there);

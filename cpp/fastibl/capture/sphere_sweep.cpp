@@ -1,10 +1,12 @@
 #include "fastibl/capture/sphere_sweep.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "fastibl/capture/fit_room.h"
 #include "fastibl/capture/texel_state.h"
 
 namespace fastibl {
@@ -18,8 +20,12 @@ constexpr std::size_t kViews = 16;
 constexpr double kBaseline = 0.04;  // metres between eyes; below, errors of the poses show
 // Metres, and cosine between axes: a view that is nearer to an earlier one tells nothing new.
 constexpr double kNewPlace = 0.03, kNewAxis = 0.985;
-constexpr double kOverlap = 0.8;      // cosine between axes
-constexpr int kLeastPixels = 100;     // that two views share
+constexpr double kOverlap = 0.8;  // cosine between axes
+// Views that are farther apart tell more of near things, up to here (metres), and those that look
+// the same way share more: the product of both counts. kNoOverlap: cosine that is worth nothing.
+constexpr double kWideBaseline = 0.25, kNoOverlap = 0.6;
+constexpr std::size_t kNearWalls = 9;  // of kSwept: to be seen in both views as near as this, too
+constexpr std::size_t kLeastPixels = 100;  // that two views share
 constexpr float kOtherThing = 0.2f;   // difference of ln: not the same thing, or it has changed
 constexpr double kPixelsAtOnce = 20;  // neighbouring pixels err alike: one in so many counts
 constexpr double kLogOdds = 8, kLogOddsAgain = 2;  // for leaving infinity, and for other changes
@@ -27,6 +33,11 @@ constexpr double kFarAway = 1e9;                   // metres
 constexpr double kInside = 1.2;  // from the centre, as a share of the camera's distance
 // What is worth a change: a share of the inverse distance; and, from infinity, 1 / metres.
 constexpr double kShare = 0.15, kLeast = 0.1;
+// Walls: odds for moving them again, and how far they must move on the whole, 1 / metres.
+constexpr double kLogOddsRoomAgain = 4, kMovedWalls = 0.01;
+constexpr int kPairsPerFit = 4,
+              kPairsPerSearch = 16;  // of views: around the present walls, and of all rooms
+constexpr auto& kSwept = SweptCosts::kSwept;
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
@@ -84,12 +95,13 @@ void SphereSweep::add(const PixelReader& pixels, const Camera& camera, const Len
                       ImageView<const std::uint8_t> mask) {
   const Pose back = poses.at(0.5).inverse();
   const View* best = nullptr;
-  double most = kOverlap;
+  double most = 0;
   for (const View& earlier : views_) {
     const double moved = glm::length(back.translation - earlier.eye);
     const double overlap = glm::dot(back.rotation[2], earlier.axis);
     if (moved < kNewPlace && overlap > kNewAxis) return;
-    if (moved >= kBaseline && overlap > most) best = &earlier, most = overlap;
+    const double score = std::min(moved, kWideBaseline) * (overlap - kNoOverlap);
+    if (moved >= kBaseline && overlap > kOverlap && score > most) best = &earlier, most = score;
   }
   View view = small_view(pixels, camera, lens, poses, vignette, mask);
   if (best) compare(view, *best);
@@ -104,62 +116,113 @@ void SphereSweep::compare(const View& view, const View& earlier) {
   // Spheres that hold both cameras.
   std::size_t count = kSwept.size();
   while (count > 1 && kInside * kSwept[count - 1] * farthest > 1) --count;
-  std::vector<float> differences[kSwept.size()];
-  std::array<float, kSwept.size()> all;
+  struct Pixel {
+    double along, square;
+    glm::dvec3 ray;
+    std::array<float, kSwept.size()> differences;
+  };
+  const auto reach = [](const Pixel& p, std::size_t k) {
+    const double radius = kSwept[k] > 0 ? 1 / kSwept[k] : kFarAway;
+    return std::sqrt(radius * radius - p.square) - p.along;
+  };
+  // Where the point is seen from the centre, not of unit length.
+  const auto direction = [&](const Pixel& p, std::size_t k) {
+    return kSwept[k] > 0 ? offset + reach(p, k) * p.ray : p.ray;
+  };
+  const std::size_t usual = std::min(SweptCosts::kUsual, count - 1),
+                    near = std::min(kNearWalls, count - 1);
+  std::vector<Pixel> pixels;
   for (std::size_t i = 0; i < view.rays.size(); ++i) {
-    const glm::dvec3 ray(view.rays[i]);
     const float here = view.brightness.data[i];
-    if (!(ray.z > kSky) || std::isnan(here)) continue;
-    const double along = glm::dot(ray, offset), square = glm::dot(offset, offset) - along * along;
-    std::size_t k = 0;
-    for (; k < count; ++k) {
-      const double radius = kSwept[k] > 0 ? 1 / kSwept[k] : kFarAway;
-      const double reach = std::sqrt(radius * radius - square) - along;
-      all[k] = here - earlier.at(view.eye + reach * ray);
-      if (std::isnan(all[k])) break;
-    }
-    if (k < count) continue;
-    for (k = 0; k < count; ++k) differences[k].push_back(all[k]);
+    Pixel p{0, 0, glm::dvec3(view.rays[i]), {}};
+    if (!(p.ray.z > kSky) || std::isnan(here)) continue;
+    p.along = glm::dot(p.ray, offset), p.square = glm::dot(offset, offset) - p.along * p.along;
+    if (costs_.enough(direction(p, usual))) continue;
+    p.differences.fill(kNone);
+    const auto look = [&](std::size_t k) {
+      p.differences[k] = here - earlier.at(view.eye + reach(p, k) * p.ray);
+      return !std::isnan(p.differences[k]);
+    };
+    if (!look(0) || !look(near)) continue;
+    for (std::size_t k = 1; k < count; ++k)
+      if (k != near) look(k);
+    pixels.push_back(p);
   }
-  const std::size_t pixels = differences[0].size();
-  if (pixels < kLeastPixels) return;
+  if (pixels.size() < kLeastPixels) return;
+  std::vector<float> present;
   for (std::size_t k = 0; k < count; ++k) {
+    present.clear();
+    for (const Pixel& p : pixels)
+      if (!std::isnan(p.differences[k])) present.push_back(p.differences[k]);
+    if (present.empty()) continue;
     // The exposures may be wrong: only what differs from pixel to pixel counts.
-    std::vector<float>& d = differences[k];
-    std::nth_element(d.begin(), d.begin() + std::ptrdiff_t(pixels / 2), d.end());
-    const float middle = d[pixels / 2];
-    for (const float x : d) {
-      const float by = std::min(std::abs(x - middle), kOtherThing);
-      costs_[k] += double(by * by);
+    const auto middle = present.begin() + std::ptrdiff_t(present.size() / 2);
+    std::nth_element(present.begin(), middle, present.end());
+    for (const Pixel& p : pixels) {
+      if (std::isnan(p.differences[k])) continue;
+      const float by = std::min(std::abs(p.differences[k] - *middle), kOtherThing);
+      costs_.add(k, direction(p, k), double(by * by));
     }
   }
-  for (std::size_t k = count; k < kSwept.size(); ++k)
-    costs_[k] += double(kOtherThing * kOtherThing) * double(pixels);
-  compared_ += std::int64_t(pixels);
+  compared_ += std::int64_t(pixels.size()), ++comparisons_, news_ = true;
 }
 
-std::optional<double> SphereSweep::better_than(double assumed) const {
+// As if the differences were normal, of the deviation that the lower cost leaves and that of any
+// two samples.
+double SphereSweep::odds(double cost, double assumed) const {
+  const double noise = 2 * double(kModelNoise * kModelNoise) * double(compared_);
+  return 0.5 * double(compared_) / kPixelsAtOnce * std::log((assumed + noise) / (cost + noise));
+}
+
+std::optional<double> SphereSweep::better_distance(const Parts& parts, double assumed) const {
+  std::array<double, kSwept.size()> costs{};
+  for (const SweptCosts::Part& part : parts)
+    for (std::size_t k = 0; k < kSwept.size(); ++k) costs[k] += part.cost[k];
   const std::size_t best =
-      std::size_t(std::min_element(costs_.begin(), costs_.end()) - costs_.begin());
-  if (compared_ == 0) return {};
+      std::size_t(std::min_element(costs.begin(), costs.end()) - costs.begin());
   double inverse = kSwept[best];
-  if (best > 0 && best + 1 < costs_.size()) {  // the least of a parabola
+  if (best > 0 && best + 1 < costs.size()) {  // the least of a parabola
     const double left = kSwept[best] - kSwept[best - 1], right = kSwept[best + 1] - kSwept[best];
-    const double fall = (costs_[best - 1] - costs_[best]) / left;
-    const double rise = (costs_[best + 1] - costs_[best]) / right;
+    const double fall = (costs[best - 1] - costs[best]) / left;
+    const double rise = (costs[best + 1] - costs[best]) / right;
     if (fall + rise > 0) inverse += 0.5 * (fall * right - rise * left) / (fall + rise);
   }
   if (!(std::abs(inverse - assumed) > (assumed > 0 ? kShare * assumed : kLeast))) return {};
-  const auto above = std::upper_bound(kSwept.begin() + 1, kSwept.end() - 1, assumed);
-  const std::size_t k = std::size_t(above - kSwept.begin());
-  const double part = (assumed - kSwept[k - 1]) / (kSwept[k] - kSwept[k - 1]);
-  const double cost = costs_[k - 1] + part * (costs_[k] - costs_[k - 1]);
-  // As if the differences were normal, of the deviation that the best distance leaves and that of
-  // any two samples.
-  const double noise = 2 * double(kModelNoise * kModelNoise) * double(compared_);
-  const double odds =
-      0.5 * double(compared_) / kPixelsAtOnce * std::log((cost + noise) / (costs_[best] + noise));
-  return odds > (assumed > 0 ? kLogOddsAgain : kLogOdds) ? std::optional(inverse) : std::nullopt;
+  double cost = 0;
+  for (const SweptCosts::Part& part : parts) cost += part.at(assumed);
+  return odds(costs[best], cost) > (assumed > 0 ? kLogOddsAgain : kLogOdds) ? std::optional(inverse)
+                                                                            : std::nullopt;
+}
+
+std::optional<RoomBox> SphereSweep::better_room(const Parts& parts,
+                                                const MapSurface& assumed) const {
+  const bool again = assumed.box().has_value();
+  if (comparisons_ % kPairsPerFit != 0) return {};
+  const RoomBox box = fit_room(parts, centre_, 1 / assumed.distance(), assumed.box(),
+                               !again || comparisons_ % kPairsPerSearch == 0);
+  const MapSurface room(centre_, assumed.distance(), box);
+  double cost = 0, before = 0, moved = 0, weight = 0;
+  for (const SweptCosts::Part& part : parts) {
+    const double now = room.nearness(part.direction), then = assumed.nearness(part.direction);
+    cost += part.at(now), before += part.at(then);
+    moved += part.weight * std::abs(now - then), weight += part.weight;
+  }
+  if (again && !(moved > kMovedWalls * weight)) return {};
+  return odds(cost, before) > (again ? kLogOddsRoomAgain : kLogOdds) ? std::optional(box)
+                                                                     : std::nullopt;
+}
+
+std::optional<MapSurface> SphereSweep::better_than(const MapSurface& assumed) {
+  if (!std::exchange(news_, false)) return {};
+  const Parts parts = costs_.parts();
+  const double inverse = 1 / assumed.distance();
+  if (!assumed.box())
+    if (const auto better = better_distance(parts, inverse))
+      return MapSurface(centre_, 1 / *better, {});
+  if (!(inverse > kLeast)) return {};
+  if (const auto better = better_room(parts, assumed))
+    return MapSurface(centre_, assumed.distance(), better);
+  return {};
 }
 
 }  // namespace fastibl

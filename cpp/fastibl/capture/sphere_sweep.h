@@ -1,23 +1,25 @@
 // How far away the surroundings are, from how pictures taken from several places differ.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
 
 #include "fastibl/capture/row_poses.h"
+#include "fastibl/capture/swept_costs.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/camera.h"
+#include "fastibl/scene/map_surface.h"
 #include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
 
 // Sweeps a sphere around the centre of the map through inverse distances, and compares what two
 // small pictures would show of it (a plane sweep, Collins 1996, with spheres). The costs of all
-// pairs are added up, so that the distance becomes surer with every picture.
+// pairs are added up by direction, so that the distance becomes surer with every picture, and a box
+// can be fitted to them.
 class SphereSweep {
  public:
   explicit SphereSweep(const glm::dvec3& centre) : centre_(centre) {}
@@ -30,14 +32,13 @@ class SphereSweep {
   // mask: as Capture has it; empty for none.
   void add(const PixelReader& pixels, const Camera& camera, const Lens& lens, const RowPoses& poses,
            const Vignette& vignette, ImageView<const std::uint8_t> mask);
-  // 1 / metres: the distance that explains the pictures best, if they contradict `assumed`.
-  std::optional<double> better_than(double assumed) const;
+  // Where things are that explain the pictures best, if the pictures contradict that they are on
+  // `assumed`: a sphere, or, once one was found, a box. At most one answer for each add().
+  std::optional<MapSurface> better_than(const MapSurface& assumed);
 
  private:
-  static constexpr std::array<double, 13> kSwept{0,    0.05, 0.1, 0.15, 0.2, 0.25, 0.3,
-                                                 0.35, 0.4,  0.5, 0.6,  0.8, 1};  // 1 / metres
-  static constexpr std::int64_t kEnough = 20000;                                  // pixels
-  using Costs = std::array<double, kSwept.size()>;
+  static constexpr std::int64_t kEnough = 40000;  // pixels
+  using Parts = std::vector<SweptCosts::Part>;
 
   struct View {
     RowPoses poses;
@@ -55,11 +56,17 @@ class SphereSweep {
                          const RowPoses& poses, const Vignette& vignette,
                          ImageView<const std::uint8_t> mask);
   void compare(const View& view, const View& earlier);
+  std::optional<double> better_distance(const Parts& parts, double assumed) const;
+  std::optional<RoomBox> better_room(const Parts& parts, const MapSurface& assumed) const;
+  // ln of the odds of a cost against another.
+  double odds(double cost, double assumed) const;
 
   glm::dvec3 centre_;
   std::vector<View> views_;  // the latest last
-  Costs costs_{};            // summed over pixels
-  std::int64_t compared_ = 0;
+  SweptCosts costs_;
+  std::int64_t compared_ = 0;  // pixels
+  int comparisons_ = 0;
+  bool news_ = false;  // since better_than()
 };
 
 }  // namespace fastibl

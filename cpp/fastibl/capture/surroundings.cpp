@@ -25,7 +25,7 @@ bool is_about(const Depth& a, const Depth& b) {
 
 Surroundings::Surroundings(const TileOutlines& outlines, const MapSurface& surface)
     : surface_(surface) {
-  usual_.inverse_distance = float(1 / surface.distance()), usual_.box = surface.has_box();
+  usual_.inverse_distance = float(1 / surface.distance()), usual_.box = surface.box().has_value();
   for (int side = 0; side < 2; ++side) walls_[side] = glm::vec3(surface.walls()[side]);
   const std::size_t padded = outlines.bulge.size();
   depths_.assign(padded, usual_);

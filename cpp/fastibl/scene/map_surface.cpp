@@ -7,7 +7,7 @@
 namespace fastibl {
 
 MapSurface::MapSurface(const glm::dvec3& centre, double distance, const std::optional<RoomBox>& box)
-    : centre_(centre), inverse_distance_(1 / distance), box_(box.has_value()) {
+    : centre_(centre), inverse_distance_(1 / distance), box_(box) {
   if (!box) return;
   axis_ = box->axis();
   const glm::dvec3 at = along_walls(centre, axis_);

@@ -27,8 +27,8 @@ class MapSurface {
 
   const glm::dvec3& centre() const { return centre_; }
   bool is_near() const { return box_ || inverse_distance_ > 0; }  // nearer than infinity
-  double distance() const { return 1 / inverse_distance_; }       // of the sphere
-  bool has_box() const { return box_; }
+  double distance() const { return 1 / inverse_distance_; }       // of the sphere, also beside a box
+  const std::optional<RoomBox>& box() const { return box_; }
   // 1 / distance of the walls along the walls' own axes: of the upper and of the lower walls.
   const glm::dvec3* walls() const { return walls_; }
   const glm::dvec2& walls_axis() const { return axis_; }  // cosine and sine of their yaw
@@ -37,7 +37,7 @@ class MapSurface {
  private:
   glm::dvec3 centre_{0};
   double inverse_distance_ = 0;
-  bool box_ = false;
+  std::optional<RoomBox> box_;
   glm::dvec3 walls_[2] = {glm::dvec3(0), glm::dvec3(0)};
   glm::dvec2 axis_{1, 0};
 };

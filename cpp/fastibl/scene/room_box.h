@@ -12,6 +12,7 @@ struct RoomBox {
   double yaw = 0;  // radians, counter-clockwise from above: of these axes about the marker's z axis
 
   glm::dvec2 axis() const;  // cosine and sine of the yaw
+  bool operator==(const RoomBox&) const = default;
 };
 
 // A vector of the marker frame, along the axes of walls. axis: cosine and sine of their yaw.
