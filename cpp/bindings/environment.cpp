@@ -166,7 +166,9 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
       .def_property_readonly(
           "predicted_interval",
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
-          "(low, high): an interval that holds that error nine times in ten.")
+          "(low, high): an interval that holds that error nine times in ten: of films with a "
+          "board, told "
+          "exposures and continuous capture. Without these it is too narrow.")
       .def_property_readonly(
           "plane_irradiance",
           [](const Environment& e) -> py::object {

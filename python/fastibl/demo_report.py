@@ -159,7 +159,7 @@ pose. Both cameras see the room; every picture paints the directions that it see
 camera with three exposures 4 stops apart, so that lamps and windows keep their true brightness. {html.escape("; ".join(events).capitalize())}.
 The object ({100 * HEIGHT:.0f} cm high, {len(result.scene.mesh.triangles)} triangles; the paper takes {len(result.scene.spheres)} spheres for its shadow) is lit by that map alone.
 The room is simulated, so the truth is known: pose, light, and the picture that a perfect system would have made
-(every direction of the true map, visibility by rays).</p>
+(6144 directions of the true map, visibility by rays).</p>
 <h2>Pictures</h2>{"".join(stills)}
 <h2>The light</h2><div class="row">{maps}</div>
 <h2>Error of each step</h2>

@@ -177,7 +177,9 @@ class TrueRenderer:
     leaves the bounce out.
 
     extent: half the edge in metres of the plane grid on which shadows are computed; grid: its points along an edge.
-    Maps must have at least 32 texels along a face.
+    Maps must have at least 32 texels along a face, and are taken at that level: 6144 directions. Between the grid's
+    points a sharp shadow is less exact than that of a session (studio: ratio off by 0.1 RMS, by 0.05 with grid=192);
+    `fastibl.reference.shadow_ratio` is exact where it is asked.
     """
 
     def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64, bounce: bool = True):
