@@ -448,6 +448,8 @@ def test_changes_of_a_frozen_picture_leave_the_map(run):
         client.until(lambda s, k=k: s["settings"]["turn"] == 10 * k)
     after = loop.latest.get().result.environment
     np.testing.assert_array_equal(after.radiance.faces, before.radiance.faces)
+    light = client.state()["light"]  # still captured, and as well known
+    assert not light["given"] and light["interval"] == list(before.predicted_interval)
     np.testing.assert_array_equal(after.confidence, before.confidence)
     client.change(freeze=False)
     # Captured again, from pictures that differ.

@@ -254,7 +254,7 @@ class LiveLoop:
         return (len(self._times) - 1) / span if span > 0 else 0.0
 
     def _pictures(self, played: Played) -> dict[str, Any]:
-        changes: dict[str, Any] = {"newest": played.result}
+        changes: dict[str, Any] = {"newest": played.result, "given": self._options.get("environment") is not None}
         if played.frame.front is not None:
             changes["front"] = played.frame.front
         if played.frame.back is not None:

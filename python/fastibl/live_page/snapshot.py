@@ -23,10 +23,10 @@ class Snapshot:
 
     board: the one that is looked for, if any. version: grows with everything that is shown; picture: grows with the
     composites. state: one of STATES, and why. frame, result: the last ones with a back picture; front: the last front
-    picture. newest: the last result of any frame, with the newest map. timings: seconds by pass of the last frames.
-    fps: processed pictures a second. messages: (number, text), the last ones. preparing: an object that is being made
-    ready. recording: path, frames written and dropped. settings: the state of the controls. made: time.monotonic() of
-    the last back picture.
+    picture. newest: the last result of any frame, with the newest map. given: whether that map was given, not captured.
+    timings: seconds by pass of the last frames. fps: processed pictures a second. messages: (number, text), the last
+    ones. preparing: an object that is being made ready. recording: path, frames written and dropped. settings: the
+    state of the controls. made: time.monotonic() of the last back picture.
     """
 
     rig: Rig
@@ -39,6 +39,7 @@ class Snapshot:
     result: FrameResult | None = None
     front: NDArray[np.uint8] | None = None
     newest: FrameResult | None = None
+    given: bool = False
     timings: tuple[Mapping[str, float], ...] = ()
     fps: float = 0.0
     left_out: str = ""

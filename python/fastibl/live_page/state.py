@@ -105,7 +105,7 @@ def _light(snapshot: Snapshot, newest: FrameResult | None, light: Light) -> dict
     look = light.look(snapshot)
     low, high = environment.predicted_interval
     return {
-        "given": not any(p.name == "capture" and p.included for p in newest.plan.passes),
+        "given": snapshot.given,
         "coverage": environment.coverage,
         "clipped": environment.clipped,
         "knowledge": {name: float(value) for name, value in environment.knowledge.items()},
