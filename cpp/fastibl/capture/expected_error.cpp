@@ -31,7 +31,7 @@ ErrorInterval expected_error(const MapKnowledge& known) {
   const double open = sure + known.parallax + known.scale, expected = open + bounds;
   const double doubt = kDoubts * known.parallax_doubt;
   // Spread of its logarithm: the less is unseen, the more it matters what that is.
-  const double below = 1 - 0.35 * sky, above = 1 - 0.7 * sky;
+  const double below = 1.1 - 0.5 * sky, above = 0.9 - 0.57 * sky;
   if (!known.weighed)
     return {expected, sure * std::exp(-below), expected * std::exp(above) + doubt};
   return {expected, sure * std::exp(-below) + kLeastOfBounds * bounds,
