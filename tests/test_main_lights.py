@@ -68,5 +68,5 @@ def test_bad_options_are_refused():
     for options in ({"brightness": 0}, {"brightness": np.nan}, {"least_share": -1}, {"least_share": np.inf}):
         with pytest.raises(ValueError, match="main light"):
             fastibl.main_lights(cube, **options)
-    with pytest.raises(TypeError, match="CubeMap or an Environment, got list"):
+    with pytest.raises(TypeError, match="map must be CubeMap or Environment, got list"):
         fastibl.main_lights([1, 2])
