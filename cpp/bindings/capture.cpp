@@ -177,8 +177,7 @@ Raises ValueError or TypeError, naming what was expected and what came.)")
             return corners(one_at_a_time(&capture, [&] { return capture.surface().box(); }));
           },
           "Corners of the room along its walls, (2, 3) float64, metres: as given, or as the "
-          "pictures "
-          "say so far; None where no walls are known.")
+          "pictures say so far; None where no walls are known.")
       .def_property_readonly(
           "box_yaw",
           [](const Capture& capture) {

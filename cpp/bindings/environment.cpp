@@ -132,8 +132,7 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
       .def_property_readonly(
           "box_yaw", [](const Environment& e) { return yaw_of(e.box); },
           "Angle of the walls to the marker's axes, radians, counter-clockwise from above. It "
-          "changes "
-          "where capture finds that the marker was turned.")
+          "changes where capture finds that the marker was turned.")
       .def_property_readonly(
           "light_positions",
           [](const Environment& e) {
@@ -167,8 +166,7 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
           "predicted_interval",
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
           "(low, high): an interval that holds that error nine times in ten: of films with a "
-          "board, told "
-          "exposures and continuous capture. Without these it is too narrow.")
+          "board, told exposures and continuous capture. Without these it is too narrow.")
       .def_property_readonly(
           "plane_irradiance",
           [](const Environment& e) -> py::object {

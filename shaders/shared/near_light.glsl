@@ -11,9 +11,7 @@ FN float near_irradiance(vec3 arrow, float sin_radius, vec3 n) {
   return cap_projected_solid_angle(cosine, sin2, 1.0f - sin2) / (3.14159265f * own2);
 }
 
-// The direction from the centre of a box to the point that a ray d from a place in the box meets; the box and the place
-// are given relative to its centre. axis: cosine and sine of the angle by which the box is turned about z; its corners
-// are given along its own axes. The result is d if the place is outside the box.
+// A vector along the axes of a box that is turned about z. axis: cosine and sine of the angle.
 FN vec3 along_walls(vec3 v, vec2 axis) {
   return vec3(axis.x * v.x + axis.y * v.y, axis.x * v.y - axis.y * v.x, v.z);
 }
@@ -21,6 +19,8 @@ FN float wall_distance(float d, float lower, float upper, float offset) {
   float wall = (d > 0.0f ? upper : lower) - offset;
   return abs(d) > 1e-6f ? wall / d : 1e6f;
 }
+// The direction from the centre of a box to the point that a ray d from a place in the box meets; the place and the
+// corners are given relative to its centre, the corners along its own axes. The result is d if the place is outside.
 FN vec3 box_direction(vec3 d, vec3 offset, vec3 lower, vec3 upper, vec2 axis) {
   vec3 ray = along_walls(d, axis), from = along_walls(offset, axis);
   float t = min(min(wall_distance(ray.x, lower.x, upper.x, from.x), wall_distance(ray.y, lower.y, upper.y, from.y)),

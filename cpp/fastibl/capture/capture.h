@@ -39,7 +39,8 @@ struct CaptureOptions {
                     0.05};  // metres, z > 0: where the object stands, from which the plane is seen
   // Metres from `centre` to what is seen above the horizon: light from there is placed where the
   // object sees it, not where the camera does. Infinite: all light is distant. std::nullopt: found
-  // from how pictures taken from several places differ, and infinite until then.
+  // from how pictures taken from several places differ, and infinite until then; once it is found,
+  // so are the walls of a room.
   std::optional<double> distance;
   std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
   // Whether lights that several pictures show are triangulated and placed where the object sees
@@ -208,7 +209,7 @@ class Capture {
   // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
-  // In move_map.cpp. Learns the distance where it was not given.
+  // In move_map.cpp. Learns the distance, and then the walls, where neither was given.
   void find_distance(const Picture& picture, const KnownCamera& camera,
                      const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask);
   void move_to(const MapSurface& surface);

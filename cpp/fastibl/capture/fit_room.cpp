@@ -31,8 +31,6 @@ Slopes slopes(const glm::dvec3& direction, const glm::dvec2& axis) {
   return {d.x, -d.x, d.y, -d.y, d.z};
 }
 
-glm::dvec2 axis_of(double yaw) { return {std::cos(yaw), std::sin(yaw)}; }
-
 double doubt(double nearness, double usual) {
   const double off = std::log(nearness / (kLikely * usual));
   return kDoubt * off * off;
@@ -40,7 +38,7 @@ double doubt(double nearness, double usual) {
 
 double cost(std::span<const SweptCosts::Part> parts, const Walls& walls, double usual) {
   double sum = 0;
-  const glm::dvec2 axis = axis_of(walls.yaw);
+  const glm::dvec2 axis = RoomBox{.yaw = walls.yaw}.axis();
   for (const SweptCosts::Part& part : parts) {
     const Slopes slope = slopes(part.direction, axis);
     double nearness = 0;
@@ -57,7 +55,8 @@ Walls coarse(std::span<const SweptCosts::Part> parts, double yaw, double usual) 
   Walls walls{yaw, {}};
   walls.nearness.fill(kLikely * usual);
   std::vector<Slopes> slope;
-  for (const SweptCosts::Part& part : parts) slope.push_back(slopes(part.direction, axis_of(yaw)));
+  const glm::dvec2 axis = RoomBox{.yaw = yaw}.axis();
+  for (const SweptCosts::Part& part : parts) slope.push_back(slopes(part.direction, axis));
   std::vector<double> others(parts.size());
   for (const std::size_t wall : {4u, 0u, 1u, 2u, 3u}) {
     for (std::size_t p = 0; p < parts.size(); ++p) {
@@ -122,7 +121,7 @@ RoomBox box_of(const Walls& walls, const glm::dvec3& centre) {
 RoomBox fit_room(std::span<const SweptCosts::Part> parts, const glm::dvec3& centre, double usual,
                  const std::optional<RoomBox>& from, bool everywhere) {
   std::vector<std::pair<double, Walls>> starts;
-  for (int k = 0; everywhere && k < kYaws; ++k) {
+  for (int k = 0; (everywhere || !from) && k < kYaws; ++k) {
     const Walls walls = coarse(parts, 90 * kDegree * k / kYaws, usual);
     starts.emplace_back(cost(parts, walls, usual), walls);
   }

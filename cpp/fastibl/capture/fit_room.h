@@ -10,8 +10,8 @@
 namespace fastibl {
 
 // The box around the centre, at any yaw, whose walls have the least cost; walls that were not seen
-// stay about `usual` (1 / metres) away. The floor is the marker's plane. Searched everywhere, or,
-// if asked to, only around `from`, which is tried in any case.
+// stay about `usual` (1 / metres) away. The floor is the marker's plane. Without `from`, or if
+// asked to, it is searched everywhere; `from` is a start in any case.
 RoomBox fit_room(std::span<const SweptCosts::Part> parts, const glm::dvec3& centre, double usual,
                  const std::optional<RoomBox>& from, bool everywhere);
 

@@ -12,7 +12,7 @@ constexpr double kSamePlace = 0.02;  // metres between eyes; below, nothing new 
 constexpr double kPose = 0.004;      // radians: of the pose and of the middle of a small spot
 constexpr double kShape = 0.05;      // of the angular radius: its outline changes with the view
 constexpr double kLikely = 0.3, kSpread = 0.5;  // 1 / m: ρ before anything is known of it
-constexpr double kBeforeWalls = 0.5;  // of that, where walls were found
+constexpr double kBeforeWalls = 0.5;            // of that, where walls were found
 constexpr double kNearest = 5;                  // 1 / m
 constexpr double kGate = 16;  // squared standard deviations of a sighting from its track
 constexpr double kSizes = 4;  // ratio of a sighting's solid angle to the last one's

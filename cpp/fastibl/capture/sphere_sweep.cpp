@@ -197,9 +197,8 @@ std::optional<double> SphereSweep::better_distance(const Parts& parts, double as
 std::optional<RoomBox> SphereSweep::better_room(const Parts& parts,
                                                 const MapSurface& assumed) const {
   const bool again = assumed.box().has_value();
-  if (comparisons_ % kPairsPerFit != 0) return {};
   const RoomBox box = fit_room(parts, centre_, 1 / assumed.distance(), assumed.box(),
-                               !again || comparisons_ % kPairsPerSearch == 0);
+                               comparisons_ % kPairsPerSearch == 0);
   const MapSurface room(centre_, assumed.distance(), box);
   double cost = 0, before = 0, moved = 0, weight = 0;
   for (const SweptCosts::Part& part : parts) {
@@ -214,12 +213,14 @@ std::optional<RoomBox> SphereSweep::better_room(const Parts& parts,
 
 std::optional<MapSurface> SphereSweep::better_than(const MapSurface& assumed) {
   if (!std::exchange(news_, false)) return {};
+  const bool fits = comparisons_ % kPairsPerFit == 0;
+  if (assumed.box() && !fits) return {};
   const Parts parts = costs_.parts();
   const double inverse = 1 / assumed.distance();
   if (!assumed.box())
     if (const auto better = better_distance(parts, inverse))
       return MapSurface(centre_, 1 / *better, {});
-  if (!(inverse > kLeast)) return {};
+  if (!(fits && inverse > kLeast)) return {};
   if (const auto better = better_room(parts, assumed))
     return MapSurface(centre_, assumed.distance(), better);
   return {};

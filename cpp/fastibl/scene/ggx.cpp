@@ -4,7 +4,6 @@
 #include <cmath>
 #include <mutex>
 #include <numbers>
-#include <optional>
 #include <vector>
 
 #include "fastibl/core/check.h"
@@ -12,7 +11,6 @@
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/isotropic_taps.h"
 #include "fastibl/scene/methods.h"
-#include "fastibl/scene/room_box.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/seen_lights.h"
 #include "fastibl/scene/shared_formulas.h"
@@ -191,6 +189,7 @@ SurfaceFrame frame_around(glm::vec3 normal, glm::vec3 tangent) {
 GgxShading::GgxShading(const Lighting& lighting) : lighting_(&lighting) {
   const GlossyChain* chain = lighting.chain.get();
   if (chain && !chain->lights.empty()) lights_ = arrays_of(lighting);
+  if (lighting.box) walls_.emplace(*lighting.box, lighting.near_lights.centre);
 }
 
 GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
@@ -209,15 +208,13 @@ GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::
   const CubeMap& map = *lighting_->radiance;
   const GlossyChain* chain = lighting_->chain.get();
   const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
-  std::optional<WallsAround> walls;
-  if (position && lighting_->box) walls.emplace(*lighting_->box, lighting_->near_lights.centre);
   float levels[kMostGgxTaps];
   LightParts parts;
   for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
     const GgxTap& tap = taps.taps[k];
     glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
                   tap.direction.z * frame.normal;
-    if (walls) d = walls->direction(d, offset);
+    if (position && walls_) d = walls_->direction(d, offset);
     levels[k] =
         chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
     parts.add(chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]), tap.weight,

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/light_arrays.h"
 #include "fastibl/scene/lighting.h"
+#include "fastibl/scene/room_box.h"
 
 namespace fastibl {
 
@@ -107,6 +109,7 @@ class GgxShading {
  private:
   const Lighting* lighting_;
   LightArrays lights_;
+  std::optional<WallsAround> walls_;  // where they are known
 };
 
 // Directional albedo of single scattering towards a view in the surface's frame, as the two numbers

@@ -49,7 +49,7 @@ void GgxShading::operator()(std::span<const glm::vec3> normals, std::span<const 
         "there must be one normal, view, alpha and position for each of ", count, " results, got ",
         normals.size(), ", ", views.size(), ", ", alphas.size(), " and ", positions.size());
   const GlossyChain* chain = lighting_->chain.get();
-  if (!chain || (lighting_->box && !positions.empty())) {
+  if (!chain || (walls_ && !positions.empty())) {
     for (std::size_t i = 0; i < count; ++i)
       out[i] = (*this)(frame_around(normals[i], glm::vec3(0)), views[i], glm::vec2(alphas[i]), {},
                        positions.empty() ? nullptr : &positions[i]);

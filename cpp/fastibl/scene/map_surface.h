@@ -27,7 +27,7 @@ class MapSurface {
 
   const glm::dvec3& centre() const { return centre_; }
   bool is_near() const { return box_ || inverse_distance_ > 0; }  // nearer than infinity
-  double distance() const { return 1 / inverse_distance_; }       // of the sphere, also beside a box
+  double distance() const { return 1 / inverse_distance_; }  // of the sphere, also beside a box
   const std::optional<RoomBox>& box() const { return box_; }
   // 1 / distance of the walls along the walls' own axes: of the upper and of the lower walls.
   const glm::dvec3* walls() const { return walls_; }

@@ -25,10 +25,10 @@ RoomBox turned(const RoomBox& box, const glm::dmat3& new_from_old) {
   return out;
 }
 
-WallsAround::WallsAround(const RoomBox& box, const glm::dvec3& centre)
-    : lower(box.lower - along_walls(centre, box.axis())),
-      upper(box.upper - along_walls(centre, box.axis())),
-      axis(box.axis()) {}
+WallsAround::WallsAround(const RoomBox& box, const glm::dvec3& centre) : axis(box.axis()) {
+  const glm::dvec3 at = along_walls(centre, box.axis());
+  lower = box.lower - at, upper = box.upper - at;
+}
 
 glm::vec3 WallsAround::direction(glm::vec3 d, glm::vec3 offset) const {
   return shared::box_direction(d, offset, lower, upper, axis);

@@ -33,8 +33,8 @@ struct WallsAround {
   // The direction from the centre to the point that a ray d from a place at `offset` meets.
   glm::vec3 direction(glm::vec3 d, glm::vec3 offset) const;
 
-  glm::vec3 lower, upper;  // corners along the walls' axes, from the centre
   glm::vec2 axis;          // RoomBox::axis()
+  glm::vec3 lower, upper;  // corners along the walls' axes, from the centre
 };
 
 }  // namespace fastibl
