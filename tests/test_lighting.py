@@ -94,9 +94,7 @@ def test_error_on_real_maps(real_maps, true_irradiance, method):
         means.append(errors.mean())
         told = lighting.methods["diffuse"].error
         print(f"{method!s:27} {name:20} {100 * errors.mean():6.2f} % (tells {100 * told:.2f} %)")
-        # It is told at some texels' normals, where a cube is not interpolated.
-        low, high = (0.3, 1.6) if method.name == "irradiance-cube" else (0.65, 1.5)
-        assert low < told / errors.mean() < high
+        assert 0.65 < told / errors.mean() < 1.5
     low, high = KNOWN_DIFFUSE[str(method)]
     assert 0.9 * low < np.mean(means) < 1.1 * high
 

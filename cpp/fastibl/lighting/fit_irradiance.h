@@ -19,7 +19,7 @@ struct DiffuseChoice {
 Irradiance fit_irradiance(const CubeMap& radiance, const FoldedMap& map,
                           const DiffuseChoice& choice, const Irradiance* previous = nullptr);
 
-// Relative RMS over RGB of the difference from a sum over the map; the mean over 216 normals.
+// Relative RMS over RGB of the difference from a sum over the map; the mean over directions.
 double measure_error(const Irradiance& irradiance, const FoldedMap& map);
 
 // Face edge of the level over which irradiance is summed: within 0.014 % (median nMAE over seven

@@ -16,7 +16,7 @@ struct LightingOptions {
   Normalization normalization = Normalization::energy;
   bool irradiance = true;     // false: only what glossy surfaces read
   bool chain = true;          // false: nothing glossy will be shaded
-  bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.05
+  bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.1
                               // ms); false: only when irradiance_error() asks for it
   int evaluations = 0;        // how many normals follow; 0: many. `automatic` decides by it
   bool follows = false;       // this map is one of many in a row: `automatic` takes what is steady
