@@ -213,6 +213,50 @@ def test_a_lamp_is_judged_alike_in_a_map_of_any_size():
     assert found[0] == pytest.approx(found[1], rel=0.05)
 
 
+@pytest.mark.parametrize("size, exponent", [(64, 2000.0), (128, 2000.0), (128, 8000.0)])
+def test_sharp_lobes_are_judged_by_themselves(size, exponent):
+    """The errors of a shiny ball, against sums over the map for points of the ball. Before, a lobe of exponent 600
+    stood for all sharper ones."""
+    d = fastibl.texel_directions(size)
+    waves = sum(np.sin(18 * d @ axis + k) for k, axis in enumerate(np.eye(3)))
+    cube = fastibl.CubeMap(np.repeat(0.6 + 0.15 * waves[..., None], 3, -1).astype(np.float32))  # nothing is cut at white
+    shiny = fastibl.Material((0, 0, 0), (1, 1, 1), exponent)
+    at_ball = fastibl.Scene(ball(around=64), shiny, spheres=1)
+    methods, told = _measured_errors(at_ball, fastibl.Environment(cube), AUTO)["glossy"]
+    told = dict(zip(methods, told, strict=True))
+    rng = np.random.default_rng(3)  # what eyes from afar see, each pixel equally often
+    view = np.broadcast_to([0.0, np.cos(0.65), np.sin(0.65)], (150, 3))
+    normals = rng.normal(size=(4000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    keep = rng.random(4000) < normals @ view[0]
+    normals = normals[keep][:150]
+    view = view[: len(normals)]
+    true = fastibl.reference.glossy(cube, normals, view, exponent, split=1)
+
+    def off(method):
+        name, _, settings = method.partition(" [")
+        options = {k: int(v) for k, v in (part.split("=") for part in settings.rstrip("]").split(", ") if part)}
+        lighting = fastibl.Lighting(cube, glossy=fastibl.Method(name, **options))
+        return np.sqrt(((lighting.glossy(normals, view, exponent) - true) ** 2).mean()) / true.mean()
+
+    scale = []
+    for method in methods:
+        measured, stated = off(method), np.sqrt(told[method])
+        print(f"{method:32} {measured:.4f}, stated {stated:.4f} of the picture")
+        if not method.startswith("sampled"):  # which is by chance, at other points
+            scale.append(stated / measured)
+    assert max(scale) < 1.5 * min(scale)  # the plane's part is the same for all
+
+
+def test_a_mirror_is_judged_as_a_mirror():
+    """A mirror ball is drawn without error; the plan said that no method is within 10 %."""
+    cube = room(size=128)
+    mirror = fastibl.Scene(ball(around=64), fastibl.Material((0, 0, 0), (1, 1, 1), np.inf), spheres=1)
+    plan = fastibl.make_plan(mirror, cube, error=0.02)
+    print(plan)
+    assert plan.meets_error and line(plan, "shade").error < 0.001
+
+
 @pytest.mark.parametrize("value", [0.0, 1e-20, 1e6])
 def test_black_tiny_and_huge_maps(scene, value):
     cube = fastibl.CubeMap(np.full((6, 4, 4, 3), value, np.float32))

@@ -285,7 +285,7 @@ struct ErrorMeasurement::Work {
     flux.emplace(*map, samples);
     bright.emplace(*map, samples, *flux);
     judged.emplace(Judged{
-        samples, material, true_light(samples, *flux, *bright, material.lobe()), {}, {}, {}, {}});
+        samples, material, true_light(*map, samples, *flux, *bright, material.lobe()), {}, {}, {}, {}});
   }
 
   void read_material() {

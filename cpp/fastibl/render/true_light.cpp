@@ -6,6 +6,7 @@
 
 #include "fastibl/core/lanes.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/render/sharp_lobe.h"
 #include "fastibl/shading/light_sums.h"
 
 namespace fastibl {
@@ -110,7 +111,7 @@ void free_pieces(const SceneSamples& samples, const BrightPieces& bright, std::s
 
 }  // namespace
 
-TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
+TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux,
                      const BrightPieces& bright, const std::optional<LobeShape>& lobe) {
   const std::size_t count = samples.surface.size(), directions = samples.direction_count();
   const std::vector<glm::vec3> black(count, glm::vec3(0));
@@ -124,8 +125,9 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
     for (const std::size_t k : bright.cut_texels) rest[c][k] = 0;
   }
   static_assert(BrightPieces::kCount % kLanes == 0);
-  constexpr float kSharpest = 600;
-  const LobeHeight height(lobe, kSharpest), none(std::nullopt, kSharpest);
+  const bool sharp = lobe && lobe->exponent > SharpLobe::kSharpest;
+  const LobeHeight none(std::nullopt, 0),
+      height = sharp ? none : LobeHeight(lobe, SharpLobe::kSharpest);
   const LitDirections coarse{x.data(),
                              y.data(),
                              z.data(),
@@ -141,8 +143,14 @@ TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
       bright.count()};
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     std::vector<std::uint8_t> free;
+    std::optional<SharpLobe> sharp_lobe;
+    if (sharp) sharp_lobe.emplace(map, samples, flux, *lobe);
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
+      if (sharp_lobe && i < samples.seen) {
+        const SharpLobe::Light reflected = (*sharp_lobe)(i);
+        light.lobe[i] = reflected.free, light.open_lobe[i] = reflected.open;
+      }
       const LobeHeight& seen = i < samples.seen ? height : none;
       LightSums sums, more;
       sum_light(coarse, &samples.free[i * directions], s.normal, s.to_eye, seen, sums);

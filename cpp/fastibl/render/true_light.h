@@ -57,7 +57,7 @@ struct TrueLight {
 };
 
 // `lost` and `lost_of_even` are still zero. Without a lobe, its radiances are black.
-TrueLight true_light(const SceneSamples& samples, const SampleFlux& flux,
+TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux,
                      const BrightPieces& bright, const std::optional<LobeShape>& lobe);
 
 // Sets them: what the plane's shadow keeps from the samples. Every twelfth direction stands for
