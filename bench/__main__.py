@@ -30,7 +30,7 @@ PICTURES = {
     "report-pictures": "bench.report_pictures",
     "demo-picture": "bench.demo_picture",
 }
-NAMES = ("lighting", "shadow", "tracking", "frame", "real", "peers")
+NAMES = ("lighting", "shadow", "tracking", "frame", "pixels", "real", "peers")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -219,7 +219,8 @@ def test_sharp_lobes_are_judged_by_themselves(size, exponent):
     stood for all sharper ones."""
     d = fastibl.texel_directions(size)
     waves = sum(np.sin(18 * d @ axis + k) for k, axis in enumerate(np.eye(3)))
-    cube = fastibl.CubeMap(np.repeat(0.6 + 0.15 * waves[..., None], 3, -1).astype(np.float32))  # nothing is cut at white
+    faces = 0.6 + 0.15 * waves  # nothing is cut at white
+    cube = fastibl.CubeMap(np.repeat(faces[..., None], 3, -1).astype(np.float32))
     shiny = fastibl.Material((0, 0, 0), (1, 1, 1), exponent)
     at_ball = fastibl.Scene(ball(around=64), shiny, spheres=1)
     methods, told = _measured_errors(at_ball, fastibl.Environment(cube), AUTO)["glossy"]

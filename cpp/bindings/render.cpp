@@ -153,7 +153,7 @@ void bind_making(py::class_<Session>& session_class) {
                   const std::optional<RoomCorners>& box, double box_yaw, bool doubt_exposures,
                   const std::array<double, 3>& front_ratio, bool follow_surroundings,
                   const CubeMap* prior, double paper_albedo, double most_boost, bool adapt,
-                  const std::map<std::string, double>& costs, bool offline) {
+                  const std::map<std::string, double>& costs, bool offline, int supersampling) {
         Detector function;
         if (!detector.is_none()) function = make_detector(detector);
         std::unique_ptr<Renderer> renderer = renderer_named(backend);
@@ -174,14 +174,16 @@ void bind_making(py::class_<Session>& session_class) {
                            .most_boost = most_boost,
                            .adapt = adapt,
                            .costs = costs_from(costs),
-                           .offline = offline});
+                           .offline = offline,
+                           .supersampling = supersampling});
       }),
       py::arg("scene"), py::arg("rig"), py::arg("board"), py::arg("environment"),
       py::arg("detector"), py::arg("backend"), py::arg("methods"), py::arg("error"),
       py::arg("milliseconds"), py::arg("size"), py::arg("cast_shadow"), py::arg("distance"),
       py::arg("box"), py::arg("box_yaw"), py::arg("doubt_exposures"), py::arg("front_ratio"),
       py::arg("follow_surroundings"), py::arg("prior"), py::arg("paper_albedo"),
-      py::arg("most_boost"), py::arg("adapt"), py::arg("costs"), py::arg("offline"));
+      py::arg("most_boost"), py::arg("adapt"), py::arg("costs"), py::arg("offline"),
+      py::arg("supersampling"));
 }
 
 void bind_process(py::class_<Session>& session_class) {

@@ -11,6 +11,7 @@
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/workload.h"
 #include "fastibl/scene/pixel_reader.h"
+#include "fastibl/shading/supersample.h"
 #include "fastibl/shadow/scene_shadow.h"
 
 namespace fastibl {
@@ -55,9 +56,14 @@ std::shared_ptr<const Environment> checked(std::shared_ptr<const Environment> en
   return environment;
 }
 
-std::unique_ptr<Renderer> checked(std::unique_ptr<Renderer> renderer, const Methods& methods) {
+std::unique_ptr<Renderer> checked(std::unique_ptr<Renderer> renderer, const SessionOptions& options,
+                                  const Camera& camera) {
   check(renderer != nullptr, "a session needs a renderer");
-  check_methods(methods, *renderer);
+  check_methods(options.methods, *renderer);
+  strips_of(camera, options.supersampling);  // throws where it is out of range
+  check(options.supersampling == 1 || renderer->supersamples(), "the ", renderer->backend(),
+        " back end draws four samples a pixel: supersampling must be 1, got ",
+        options.supersampling);
   return renderer;
 }
 
@@ -96,7 +102,7 @@ Session::Session(Scene scene, Rig rig, std::optional<Board> board,
       rig_(checked(std::move(rig))),
       environment_(checked(std::move(environment))),
       fixed_environment_(environment_ != nullptr),
-      renderer_(checked(std::move(renderer), options.methods)),
+      renderer_(checked(std::move(renderer), options, rig_.back)),
       options_(std::move(options)),
       tracker_(rig_, board, std::move(detector), options_.follow_surroundings),
       capture_(rig_, capture_options(options_, board, scene_), options_.front_ratio),
@@ -273,7 +279,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
   make_stale();
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
-  renderer_ = checked(std::move(renderer), options_.methods);
+  renderer_ = checked(std::move(renderer), options_, rig_.back);
   replan();
 }
 
@@ -406,9 +412,10 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
   }
   ensure_lighting();
   if (id == PassId::composite) read_exposure(frame, drawn_from);
-  renderer_->run(id, {scene_, plan_.methods, *lighting_, drawn_by_, drawn_from, frame.back,
-                      back_exposure_, shares_.all(), shares_.plane_gain(), shares_.holdouts(),
-                      shares_.own(), &shares_.cell_light(), plan_.shades_alike_as_one});
+  renderer_->run(
+      id, {scene_, plan_.methods, *lighting_, drawn_by_, drawn_from, frame.back, back_exposure_,
+           shares_.all(), shares_.plane_gain(), shares_.holdouts(), shares_.own(),
+           &shares_.cell_light(), plan_.shades_alike_as_one, options_.supersampling});
   return true;
 }
 

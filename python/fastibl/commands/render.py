@@ -34,6 +34,13 @@ def add(commands: argparse._SubParsersAction) -> None:
     made.add_argument("--diffuse", type=float, help=f"k_L (default: {_DIFFUSE}; {own})")
     made.add_argument("--glossy", type=float, help=f"k_G (default: {_GLOSSY}; {own})")
     made.add_argument("--exponent", type=float, help=f"of the glossy lobe (default: {_EXPONENT:g}; {own})")
+    made.add_argument(
+        "--supersampling",
+        type=int,
+        default=1,
+        metavar="N",
+        help="draw the object N times as large along each axis and average: for shiny, curved objects (default: 1)",
+    )
     made.add_argument("--out", type=Path, default=Path("out.webm"), help="video to write (default: %(default)s)")
     made.add_argument(
         "--layers",
@@ -82,6 +89,7 @@ def _session(arguments: argparse.Namespace, recording: Recording) -> Session:
         methods=arguments.methods,
         backend=arguments.backend,
         distance=arguments.distance,
+        supersampling=arguments.supersampling,
     )
 
 

@@ -5,6 +5,7 @@
 #include "fastibl/shading/composite.h"
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/shade.h"
+#include "fastibl/shading/supersample.h"
 #include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
 
@@ -15,6 +16,7 @@ class CpuRenderer final : public Renderer {
  public:
   std::string_view backend() const override { return "cpu"; }
   bool shares_pixels() const override { return true; }
+  bool supersamples() const override { return true; }
 
   void run(PassId pass, const RenderInput& in) override {
     switch (pass) {
@@ -28,19 +30,17 @@ class CpuRenderer final : public Renderer {
         return;
       }
       case PassId::shade: {
-        const glm::vec3 eye(in.camera_from_marker.inverse().translation);
-        const std::span<FragmentBand> seen =
-            rasterizer_.rasterize(in.scene, in.camera, in.camera_from_marker, in.light_shares,
-                                  in.holdout_ratios, in.shades_alike_as_one);
-        if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
-          trace_shares(in.scene, *in.lighting.radiance, eye, in.self_shares, seen);
-        if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
-          glossy_shares_(in.scene, *in.cell_light, eye, seen);
-        double count = 0;
-        for (const FragmentBand& band : seen) count += double(band.object.size());
-        shaded_ = count;
-        object_ = shade(seen, in.scene.material, in.lighting, eye);
-        holdout_ = holdout_layer(seen);
+        shaded_ = 0;
+        if (in.supersampling == 1) {
+          draw(in, in.camera, object_, holdout_);
+          return;
+        }
+        object_ = {}, holdout_ = {};
+        ObjectLayer object, holdout;
+        for (const Strip& strip : strips_of(in.camera, in.supersampling)) {
+          draw(in, strip.camera, object, holdout);
+          add_strip(strip, object, object_), add_strip(strip, holdout, holdout_);
+        }
         return;
       }
       case PassId::composite: {
@@ -77,6 +77,22 @@ class CpuRenderer final : public Renderer {
   void image(Image<std::uint8_t>& out) override { out = image_; }
 
  private:
+  // The layers of what a camera sees. Counts the parts of pixels that it shades.
+  void draw(const RenderInput& in, const Camera& camera, ObjectLayer& object,
+            ObjectLayer& holdout) {
+    const glm::vec3 eye(in.camera_from_marker.inverse().translation);
+    const std::span<FragmentBand> seen =
+        rasterizer_.rasterize(in.scene, camera, in.camera_from_marker, in.light_shares,
+                              in.holdout_ratios, in.shades_alike_as_one);
+    if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
+      trace_shares(in.scene, *in.lighting.radiance, eye, in.self_shares, seen);
+    if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
+      glossy_shares_(in.scene, *in.cell_light, eye, seen);
+    for (const FragmentBand& band : seen) *shaded_ += double(band.object.size());
+    object = shade(seen, in.scene.material, in.lighting, eye);
+    holdout = holdout_layer(seen);
+  }
+
   SceneShadow caster_;
   Rasterizer rasterizer_;
   GlossyPixelShares glossy_shares_;
