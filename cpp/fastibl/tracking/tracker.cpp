@@ -5,7 +5,7 @@
 #include <map>
 
 #include "fastibl/core/check.h"
-#include "fastibl/core/solve.h"
+#include "fastibl/tracking/corner_covariance.h"
 #include "fastibl/tracking/fit.h"
 #include "fastibl/tracking/roll_corners.h"
 
@@ -19,10 +19,14 @@ constexpr double kRollingResidual = 4;   // px, at a degree or two in a readout
 constexpr double kAmbiguous = 0.5;       // ratio of costs, see tests/test_tracking.py
 constexpr double kSameMinimum = 0.5 * kDegree;  // choosing wrong costs less than this
 
+// Of each detected tag, whether and how well its sides were measured; empty where none was.
+using Measured = std::vector<std::optional<SideErrors>>;
+
 struct Seen {
   DetectedTag tag;
   std::array<Match, 4> matches;
   double side = 0;  // px, mean
+  std::optional<SideErrors> errors{};
 };
 
 double side_px(const DetectedTag& tag) {
@@ -39,8 +43,8 @@ std::map<int, int> counts_of(const std::vector<DetectedTag>& tags, const Board& 
   return counts;
 }
 
-// Tags of the board that were seen once, largest first. noise: of each tag, or empty for 1.
-std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, std::span<const double> noise,
+// Tags of the board that were seen once, largest first.
+std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, const Measured& measured,
                             const Board& board, const std::map<int, int>& counts) {
   std::vector<Seen> seen;
   for (std::size_t k = 0; k < tags.size(); ++k) {
@@ -49,8 +53,10 @@ std::vector<Seen> seen_tags(const std::vector<DetectedTag>& tags, std::span<cons
     if (!on_board || counts.at(tag.id) != 1) continue;
     Seen s{tag, {}, side_px(tag)};
     if (!std::isfinite(s.side) || !(s.side > 1)) continue;
+    if (!measured.empty()) s.errors = measured[k];
+    const double noise = measured.empty() || s.errors ? 1.0 : kUnmeasured;
     for (std::size_t i = 0; i < 4; ++i)
-      s.matches[i] = {on_board->corners[i], tag.corners[i], noise.empty() ? 1.0 : noise[k]};
+      s.matches[i] = {on_board->corners[i], tag.corners[i], noise};
     seen.push_back(s);
   }
   std::stable_sort(seen.begin(), seen.end(),
@@ -213,13 +219,13 @@ std::optional<DetectedTag> expected_tag(const DetectedTag& seen, const Board& bo
   return tag;
 }
 
-std::optional<Tracked> fit_still(const Detection& detection, std::span<const double> noise,
+std::optional<Tracked> fit_still(const Detection& detection, const Measured& measured,
                                  const Board& board, const Camera& camera,
                                  const TrackingOptions& options) {
-  const double expected = noise.empty() ? options.detected_noise_px : options.refined_noise_px;
+  const double expected = measured.empty() ? options.detected_noise_px : options.refined_noise_px;
   const Lens lens(camera);
   const std::map<int, int> counts = counts_of(detection.tags, board);
-  std::vector<Seen> seen = seen_tags(detection.tags, noise, board, counts);
+  std::vector<Seen> seen = seen_tags(detection.tags, measured, board, counts);
   const auto doubled = std::size_t(std::count_if(
       counts.begin(), counts.end(), [](const auto& counted) { return counted.second > 1; }));
   const bool by_one = options.method == TrackingMethod::frame_marker;
@@ -271,41 +277,30 @@ std::optional<Tracked> fit_still(const Detection& detection, std::span<const dou
     tracked.ambiguity = std::min(1.0, (fit.best->cost + floor) / (*other + floor));
   tracked.ambiguous = tracked.ambiguity > kAmbiguous;
 
-  if (!invert<6>(fit.best->information, tracked.covariance)) return std::nullopt;
-  // Residuals of a single tag are 8 numbers for 6 parameters: the expected noise is the floor.
-  const double variance =
-      std::max(expected * expected, fit.best->cost / std::max(2.0, 2.0 * double(good.size()) - 6));
-  for (double& c : tracked.covariance) c *= variance;
+  std::vector<CornersOfTag> corners;
+  for (const Seen& s : used) corners.push_back({s.matches, s.errors});
+  const auto covariance = corner_covariance(corners, lens, *fit.best, expected);
+  if (!covariance) return std::nullopt;
+  tracked.covariance = *covariance;
   return tracked;
 }
 
 // For a rolling shutter: fits first as if all corners were seen at once, which may be pixels off.
-std::optional<Tracked> fit_tags(const Detection& detection, std::span<const double> noise,
+std::optional<Tracked> fit_tags(const Detection& detection, const Measured& measured,
                                 const Board& board, const Camera& camera,
                                 const TrackingOptions& options) {
-  if (!(camera.readout > 0)) return fit_still(detection, noise, board, camera, options);
+  if (!(camera.readout > 0)) return fit_still(detection, measured, board, camera, options);
   TrackingOptions wider = options;
   wider.largest_residual_px += kRollingResidual;
-  auto tracked = fit_still(detection, noise, board, camera, wider);
+  auto tracked = fit_still(detection, measured, board, camera, wider);
   if (!tracked) return std::nullopt;
-  roll_corners(board, camera, noise.empty() ? options.detected_noise_px : options.refined_noise_px,
-               *tracked);
+  roll_corners(board, camera,
+               measured.empty() ? options.detected_noise_px : options.refined_noise_px, *tracked);
   double largest = 0;
   for (const DetectedTag& tag : tracked->tags) largest = std::max(largest, side_px(tag));
   if (tracked->last_row && !(tracked->residual_px <= options.largest_residual_px + 0.02 * largest))
     return std::nullopt;
   return tracked;
-}
-
-// Empty where no tag was measured. refine_corners leaves a tag as it was where its sides cannot be
-// measured.
-std::vector<double> noise_of_tags(const std::vector<DetectedTag>& before,
-                                  const std::vector<DetectedTag>& after) {
-  if (before == after) return {};
-  std::vector<double> noise(after.size(), 1.0);
-  for (std::size_t k = 0; k < after.size(); ++k)
-    if (after[k] == before[k]) noise[k] = kUnmeasured;
-  return noise;
 }
 
 }  // namespace
@@ -320,11 +315,18 @@ std::optional<Tracked> track(const Detection& detection, ImageView<const std::ui
                              const TrackingOptions& options) {
   if (!options.refine) return track(detection, board, camera, options);
   const auto refined = [&](const std::vector<DetectedTag>& tags) {
-    return refine_corners(grey, tags, board.border_bits, camera, options.refining);
+    return refine_tags(grey, tags, board.border_bits, camera, options.refining);
   };
-  Detection better{refined(detection.tags), detection.start};
-  const std::optional<Tracked> first =
-      fit_tags(better, noise_of_tags(detection.tags, better.tags), board, camera, options);
+  Detection better{{}, detection.start};
+  Measured measured;
+  for (const RefinedTag& tag : refined(detection.tags))
+    better.tags.push_back(tag.tag), measured.push_back(tag.sides);
+  const auto fitted = [&] {
+    const bool any = std::any_of(measured.begin(), measured.end(),
+                                 [](const auto& sides) { return sides.has_value(); });
+    return fit_tags(better, any ? measured : Measured{}, board, camera, options);
+  };
+  const std::optional<Tracked> first = fitted();
   if (!first) return std::nullopt;
 
   // Sides that could not be found from the detector's corners can be from where the pose puts them.
@@ -332,15 +334,15 @@ std::optional<Tracked> track(const Detection& detection, ImageView<const std::ui
   std::vector<DetectedTag> expected;
   std::vector<std::size_t> which;
   for (std::size_t k = 0; k < better.tags.size(); ++k) {
-    if (better.tags[k] != detection.tags[k]) continue;
+    if (measured[k]) continue;
     if (const auto tag = expected_tag(better.tags[k], board, lens, first->camera_from_marker))
       expected.push_back(*tag), which.push_back(k);
   }
-  const std::vector<DetectedTag> again = refined(expected);
+  const std::vector<RefinedTag> again = refined(expected);
   for (std::size_t i = 0; i < which.size(); ++i)
-    if (again[i] != expected[i]) better.tags[which[i]] = again[i];
+    if (again[i].sides) better.tags[which[i]] = again[i].tag, measured[which[i]] = again[i].sides;
   better.start = first->camera_from_marker;
-  return fit_tags(better, noise_of_tags(detection.tags, better.tags), board, camera, options);
+  return fitted();
 }
 
 std::optional<Tracked> track(const Detector& detector, ImageView<const std::uint8_t> grey,

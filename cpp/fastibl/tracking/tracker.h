@@ -16,8 +16,8 @@ struct TrackingOptions {
   TrackingMethod method = TrackingMethod::board;  // or frame_marker; the others are EdgeTracker's
   bool refine = true;  // refines corners by refine_corners before the fit; needs the picture
   RefineOptions refining;
-  // Expected error of a corner in x or y, with and without refinement: the floor of the covariance,
-  // and of what counts as a difference between the two minima.
+  // Expected error of a corner in x or y, with and without refinement: the floor of what counts as
+  // a difference between the two minima and, without refinement, of the covariance.
   double refined_noise_px = 0.1;
   double detected_noise_px = 0.5;
   double largest_residual_px = 2;  // plus 2 % of a tag's side: beyond, ids are taken to be wrong
