@@ -9,7 +9,7 @@ namespace {
 constexpr int kAcross = 4;         // parts along each side of what is seen
 constexpr int kFewest = 16;        // edges of a part
 constexpr double kBothWays = 0.2;  // of 1 where they tell of both directions alike
-constexpr double kUsual = 1.6;     // deviations of scatter, including what edges of a side share
+constexpr double kUsual = 1.6;     // deviations that parts lie beside their places without a misfit
 constexpr double kParameters = 6;  // of what the parts tell: taken up by the pose
 
 // How far a part lies beside its place: normal equations of a shift in the picture.
@@ -28,7 +28,7 @@ struct Part {
 
 }  // namespace
 
-double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit) {
+double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit, double variance) {
   const auto [low, high] = UsedRange(points, fit);
   std::array<Part, kAcross * kAcross> parts{};
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -38,7 +38,8 @@ double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit) {
               row = std::clamp(int(at.y), 0, kAcross - 1);
     parts[std::size_t(kAcross * row + column)].add(points[i], fit.left[i], fit.deviation[i]);
   }
-  // Squares of the parts' shifts, and what is to be expected of them from scatter alone.
+  // Squares of the parts' shifts, and what is to be expected of them from scatter alone; what edges
+  // share, above all blur from their neighbours, comes on top of it.
   double squares = 0, expected = 0, told = 0;
   for (const Part& p : parts) {
     const double det = p.xx * p.yy - p.xy * p.xy;
@@ -49,7 +50,7 @@ double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit) {
   }
   if (!(told > kParameters)) return 0;
   const double left = told - kParameters;
-  const double excess = squares / left - kUsual * kUsual * expected / told;
+  const double excess = squares / left - kUsual * kUsual * variance * expected / told;
   return excess > 0 ? std::sqrt(excess) : 0;
 }
 

@@ -10,7 +10,8 @@
 namespace fastibl {
 
 // Standard deviation in x and y, px, of the places of the board's parts from where the fitted pose
-// puts them, beyond what the scatter of their edges explains; 0 where that explains all.
-double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit);
+// puts them, beyond what errors of their edges explain; 0 where those explain all. variance: of the
+// fit by that of the edges' scatter alone, for what edges of a side share.
+double board_misfit(std::span<const EdgePoint> points, const EdgeFit& fit, double variance);
 
 }  // namespace fastibl

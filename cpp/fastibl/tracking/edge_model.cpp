@@ -37,7 +37,9 @@ constexpr double kSystematic = 0.08;
 constexpr std::size_t kEdgesAlone = 1600;  // where pixels are of no use
 constexpr std::size_t kPixels = 6500;      // tell nearly as much of the pose as all
 constexpr double kCommon = 0.1;       // of the edges' variance: the part that pixels err by as well
+constexpr double kAlike = 3e-4;       // px: all edges, which nothing in a picture tells
 constexpr double kAgree = 16.8;       // squared distance of two poses: 99 % of six normal errors
+constexpr double kDoubt = 170;        // the same from which pixels tell of something else
 constexpr double kSlopeBlur = 0.798;  // deviation of a normal edge by half its width: sqrt(2 / pi)
 constexpr double kLeastBlur = 0.5;    // px, with that of the pixels
 
@@ -222,19 +224,30 @@ std::optional<RowState> to_first_row(const Rolling& rolling, const EdgeFit& fit,
   return state;
 }
 
-// Whether a motion from the pose that edges gave lies within its covariance.
-bool agrees(const std::array<double, 36>& covariance, const std::array<double, 6>& motion) {
+// Squared distance of a motion from the pose that edges gave, by its covariance.
+double distance_of(const std::array<double, 36>& covariance, const std::array<double, 6>& motion) {
   std::array<double, 6> x{};
-  if (!solve_symmetric<6>(covariance, motion, x)) return false;
+  if (!solve_symmetric<6>(covariance, motion, x)) return 1e300;
   double distance = 0;
   for (std::size_t k = 0; k < 6; ++k) distance += x[k] * motion[k];
-  return distance < kAgree;
+  return distance;
+}
+
+// Adds to the covariance that the pose may as well be another one: half of the squared difference.
+void add_doubt(const Pose& other, Tracked& tracked) {
+  const Pose& pose = tracked.camera_from_marker;
+  const glm::dvec3 turn = rotation_vector(other.rotation * glm::transpose(pose.rotation)),
+                   shift = other.translation - pose.translation;
+  const std::array<double, 6> off{turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 6; ++k) tracked.covariance[6 * i + k] += 0.5 * off[i] * off[k];
 }
 
 // Refines a pose by the light of the pixels at the edges of tags that are not hidden. Leaves it as
-// it is where that contradicts the edges.
-void refine(const LightReader& light, const BoardPattern& pattern, const Codes& codes,
-            std::vector<ProjectedTag> tags, const Lens& lens, double spread, Tracked& tracked) {
+// it is where that contradicts the edges, and returns what the pixels say.
+std::optional<Pose> refine(const LightReader& light, const BoardPattern& pattern,
+                           const Codes& codes, std::vector<ProjectedTag> tags, const Lens& lens,
+                           double spread, Tracked& tracked) {
   std::erase_if(tags, [&](const ProjectedTag& tag) {
     return std::none_of(codes.shown.begin(), codes.shown.end(),
                         [&](const ProjectedTag& shown) { return shown.index == tag.index; });
@@ -244,22 +257,25 @@ void refine(const LightReader& light, const BoardPattern& pattern, const Codes& 
                blur = std::sqrt(std::max(wide * wide - 2.0 / 3, kLeastBlur * kLeastBlur));
   Pose& pose = tracked.camera_from_marker;
   const auto fit = fit_pixels(light, pattern, tags, lens, pose, blur, kPixels);
-  if (!fit || !agrees(tracked.covariance, fit->motion)) return;
-  pose = moved(pose, fit->motion);
+  if (!fit) return std::nullopt;
+  const double distance = distance_of(tracked.covariance, fit->motion);
+  const Pose by_pixels = moved(pose, fit->motion);
+  if (!(distance < kAgree)) return distance < kDoubt ? std::optional(by_pixels) : std::nullopt;
+  pose = by_pixels;
   tracked.pixels = int(fit->pixels);
   for (std::size_t k = 0; k < 36; ++k)
     tracked.covariance[k] = fit->covariance[k] + kCommon * tracked.covariance[k];
+  return std::nullopt;
 }
 
 // The distance of the board's parts from their places moves the pose: as much as if all edges erred
 // alike, because bent paper and lenses err smoothly.
 void add_misfit(const EdgeFit& fit, Tracked& tracked) {
-  if (tracked.misfit_px == 0) return;
   double weights = 0;
   for (std::size_t i = 0; i < fit.used.size(); ++i)
     if (fit.used[i]) weights += 1 / (double(fit.deviation[i]) * double(fit.deviation[i]));
   std::array<double, 36> by_misfit{};
-  const double variance = tracked.misfit_px * tracked.misfit_px * weights;
+  const double variance = (tracked.misfit_px * tracked.misfit_px + kAlike * kAlike) * weights;
   if (!invert<6>(fit.information, by_misfit, variance)) return;
   for (std::size_t k = 0; k < 36; ++k) tracked.covariance[k] += by_misfit[k];
 }
@@ -371,8 +387,9 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
   if (!invert<6>(fit->information, tracked.covariance, variance)) return std::nullopt;
   const auto& c = tracked.covariance;
   if (!(std::sqrt(c[0] + c[7] + c[14]) < options.largest_error * kDegree)) return std::nullopt;
+  std::optional<Pose> contrary;
   if (fit->growth == 0)  // else pixels at edges are not as they would be
-    refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
+    contrary = refine(light, pattern_, codes, project(pose), lens_, search.spread, tracked);
   if (tracked.pixels == 0 && search.most < kEdgesAlone) {  // then by more edges
     search.most = kEdgesAlone;
     Codes again = read_codes(light, pattern_, project(pose));
@@ -388,7 +405,9 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
       tracked.residual_px = more->residual;
     }
   }
-  tracked.misfit_px = board_misfit(near.points, *fit);
+  if (contrary) add_doubt(*contrary, tracked);
+  // White that has grown unevenly lies beside its places, too.
+  tracked.misfit_px = board_misfit(near.points, *fit, fit->growth == 0 ? variance : 1);
   add_misfit(*fit, tracked);
   if (rolling) {
     const auto found = to_first_row(*rolling, *fit, variance, tracked);
