@@ -62,6 +62,7 @@ from .gltf_light import write_gltf_light
 from .guidance import Guidance, guide
 from .layer_files import write_layers
 from .lighting import Lighting, Method, methods, without_lights
+from .map_rotation import rotate_map
 from .mesh_shadow import MeshShadow
 from .recording import Frame, Recording
 from .session import Session, make_plan
@@ -132,6 +133,7 @@ __all__ = [
     "read_mesh",
     "read_object",
     "reference",
+    "rotate_map",
     "set_threads",
     "shadow_ratio",
     "shapes",

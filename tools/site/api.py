@@ -16,7 +16,8 @@ PAGES = {
         "Maps",
         "Light from all directions, and its files.",
         "CubeMap Environment read_environment write_environment cubemap_from_equirect equirect_from_cubemap "
-        "texel_directions texel_solid_angles main_lights MainLight without_lights compare comparison.Comparison",
+        "texel_directions texel_solid_angles rotate_map main_lights MainLight without_lights compare "
+        "comparison.Comparison",
     ),
     "light": (
         "Light",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,9 @@ def add(commands: argparse._SubParsersAction) -> None:
     add_object(made)
     made.add_argument(
         "--environment", type=Path, help="light by this map (.hdr, .exr, .ktx2, .dds, .png, .jpg) instead of capturing"
+    )
+    made.add_argument(
+        "--turn", type=float, default=0.0, metavar="DEGREES", help="turn this map about z, counter-clockwise from above"
     )
     add_colours_of_map(made)
     own = "of a file with a material or colours its own"
@@ -65,6 +69,7 @@ def _as_bright_as_here(cube: CubeMap, recording: Recording) -> CubeMap | Environ
 def _session(arguments: argparse.Namespace, recording: Recording) -> Session:
     from .._fastibl import Material, Scene
     from ..environment_files import read_environment
+    from ..map_rotation import rotate_map
     from ..session import Session
 
     mesh, material = object_of(arguments)
@@ -77,10 +82,8 @@ def _session(arguments: argparse.Namespace, recording: Recording) -> Session:
         material = Material([diffuse] * 3, [glossy] * 3, exponent)
     environment = None
     if arguments.environment is not None:
-        environment = _as_bright_as_here(
-            read_environment(arguments.environment, response=arguments.response, primaries=arguments.primaries),
-            recording,
-        )
+        cube = read_environment(arguments.environment, response=arguments.response, primaries=arguments.primaries)
+        environment = _as_bright_as_here(rotate_map(cube, math.radians(arguments.turn)), recording)
     return Session(
         Scene(mesh, material),
         recording.rig,
