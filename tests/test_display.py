@@ -34,6 +34,36 @@ def test_pictures_show_themselves(shown, name):
     assert np.array_equal(image, display.picture(shown[name])) and image.std() > 5
 
 
+@pytest.mark.parametrize("kind", ["map", "environment", "light"])
+def test_one_exposure_shows_several_on_one_scale(shown, kind):
+    def made(faces):
+        cube = fastibl.CubeMap(faces)
+        return {"map": cube, "environment": fastibl.Environment(cube), "light": fastibl.Lighting(cube)}[kind]
+
+    one, dark = made(shown["map"].faces), made(0.25 * shown["map"].faces)
+    exposure = display.auto_exposure(one, 64)
+    assert np.array_equal(display.picture(one, 64), display.picture(one, 64, exposure))
+    assert np.abs(display.picture(dark, 64).astype(int) - display.picture(one, 64)).max() <= 1
+    values = display.picture(dark, 64, exposure) / 255
+    other = display.picture(dark, 64, 4 * exposure)
+    assert np.abs(other.astype(int) - display.picture(one, 64)).max() <= 1
+    inside = (other < 250) & (other > 40) & (values > 0.02)
+    decode = fastibl.Response.srgb().decode
+    np.testing.assert_allclose(decode(values)[inside], decode(other / 255)[inside] / 4, rtol=0.12)
+    axes = fastibl.plot(dark, exposure=exposure)
+    np.testing.assert_array_equal(axes.images[0].get_array(), display.picture(dark, 256, exposure))
+
+
+@pytest.mark.parametrize("exposure", [0, -1.0, np.nan, np.inf])
+def test_an_exposure_that_is_none_is_refused(shown, exposure):
+    same_error(lambda: display.picture(shown["map"], exposure=exposure), ValueError, "exposure", str(exposure))
+
+
+@pytest.mark.parametrize("name", ["shadow", "frame", "guidance", "plan", "comparison"])
+def test_what_has_no_exposure_says_so(shown, name):
+    same_error(lambda: fastibl.plot(shown[name], exposure=1.0), ValueError, "CubeMap, Environment or Lighting")
+
+
 def test_a_map_stands_upright(shown):
     """z at the top, +y in the middle, x to the right of it: the marked map's faces are where they must be."""
     image = display.picture(shown["map"], 64).astype(int)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import CubeMap, Environment, FrameResult, Plan, Response, ShadowMap
 from .comparison import Comparison
+from .expected import expect
 from .guidance import Guidance
 from .lighting import Lighting
 from .panorama import panorama_rays, seen_map
@@ -25,44 +26,39 @@ _MATTE, _GLOSSY = 0.8, 64.0  # albedo and exponent of the spheres that show a Li
 
 
 @singledispatch
-def picture(thing: Any, height: int = 256) -> NDArray[np.uint8]:
+def picture(thing: Any, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
     """A picture (h, w, 3) uint8 RGB of a CubeMap, Environment, Lighting, ShadowMap, FrameResult or Guidance.
 
     height: in pixels; frames and guidance keep their own. Maps are shown as equirectangular pictures (z at the top, +y
     in the middle), with their median at a quarter of white; what no camera saw is dimmed. A Lighting is shown by a
     matte, a glossy and a mirror sphere, seen along +y. In the picture of a ShadowMap, row 0 is the largest y, as one
-    looks at the board. Raises TypeError for anything else, ValueError for a height below 8.
+    looks at the board.
+    exposure: of a CubeMap, Environment or Lighting; radiance times this is shown, 1 as white, in place of what its own
+    median gives. With one exposure, as the `auto_exposure` of one of them, several can be compared.
+    Raises TypeError for anything else, ValueError for a height below 8, and for an exposure that is not positive or of
+    something else.
     """
     raise TypeError(f"no picture of {type(thing).__name__}; there are pictures of CubeMap, Environment, Lighting, "
                     "ShadowMap, FrameResult and Guidance")  # fmt: skip
 
 
 @picture.register
-def _(thing: CubeMap, height: int = 256) -> NDArray[np.uint8]:
-    return _encoded(_panorama(thing, height))
+def _(thing: CubeMap, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
+    linear = _panorama(thing, height)
+    return _bytes(linear * _chosen(exposure, linear))
 
 
 @picture.register
-def _(thing: Environment, height: int = 256) -> NDArray[np.uint8]:
-    linear = _panorama(thing.radiance, height)
+def _(thing: Environment, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
     seen = seen_map(thing).sample(panorama_rays(height))
-    return (_encoded(linear) * (_UNSEEN + (1 - _UNSEEN) * seen)).astype(np.uint8)
+    return (picture(thing.radiance, height, exposure) * (_UNSEEN + (1 - _UNSEEN) * seen)).astype(np.uint8)
 
 
 @picture.register
-def _(thing: Lighting, height: int = 256) -> NDArray[np.uint8]:
+def _(thing: Lighting, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
     _check(height)
-    y, x = (np.mgrid[:height, :height] + 0.5) / height * 2.2 - 1.1
-    inside = x**2 + y**2 < 1
-    depth = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    normals = np.stack([x, -depth, -y], axis=-1)[inside]  # z points up, and the eye is at -y
-    views = np.broadcast_to([0.0, -1.0, 0.0], normals.shape)
-    lit = (
-        _MATTE / np.pi * thing.irradiance(normals),
-        thing.glossy(normals, views, exponent=_GLOSSY),
-        thing.glossy(normals, views, exponent=float("inf")),
-    )
-    scale = _scale(lit[0])
+    inside, lit = _spheres(thing, height)
+    scale = _chosen(exposure, lit[0])
     panels = []
     for values in lit:
         panel = np.full((height, height, 3), 255, np.uint8)
@@ -71,16 +67,41 @@ def _(thing: Lighting, height: int = 256) -> NDArray[np.uint8]:
     return np.concatenate(panels, axis=1)
 
 
+def _spheres(lighting: Lighting, height: int) -> tuple[NDArray[np.bool_], tuple[NDArray[np.float32], ...]]:
+    """Where a sphere covers a square picture, and its radiance (n, 3) there: matte, glossy and as a mirror."""
+    y, x = (np.mgrid[:height, :height] + 0.5) / height * 2.2 - 1.1
+    inside = x**2 + y**2 < 1
+    depth = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    normals = np.stack([x, -depth, -y], axis=-1)[inside]  # z points up, and the eye is at -y
+    views = np.broadcast_to([0.0, -1.0, 0.0], normals.shape)
+    lit = (
+        _MATTE / np.pi * lighting.irradiance(normals),
+        lighting.glossy(normals, views, exponent=_GLOSSY),
+        lighting.glossy(normals, views, exponent=float("inf")),
+    )
+    return inside, lit
+
+
+def auto_exposure(thing: CubeMap | Environment | Lighting, height: int = 256) -> float:
+    """The exposure with which `picture` shows something by itself: it puts its median at a quarter of white."""
+    expect(thing, (CubeMap, Environment, Lighting), "thing")
+    if isinstance(thing, Lighting):
+        return _scale(_spheres(thing, height)[1][0])
+    return _scale(_panorama(thing.radiance if isinstance(thing, Environment) else thing, height))
+
+
 @picture.register
-def _(thing: ShadowMap, height: int = 256) -> NDArray[np.uint8]:
+def _(thing: ShadowMap, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
     _check(height)
+    _check_none(exposure, thing)
     y, x = ((np.mgrid[:height, :height] + 0.5) / height * 2 - 1) * thing.extent
     points = np.stack([x + thing.centre[0], -y + thing.centre[1]], axis=-1)
     return _bytes(thing.sample(points))
 
 
 @picture.register
-def _(thing: FrameResult, height: int = 256) -> NDArray[np.uint8]:
+def _(thing: FrameResult, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
+    _check_none(exposure, thing)
     image = np.asarray(thing.image)
     if image.shape[-1] == 3:
         return image
@@ -89,7 +110,8 @@ def _(thing: FrameResult, height: int = 256) -> NDArray[np.uint8]:
 
 
 @picture.register
-def _(thing: Guidance, height: int = 256) -> NDArray[np.uint8]:
+def _(thing: Guidance, height: int = 256, exposure: float | None = None) -> NDArray[np.uint8]:
+    _check_none(exposure, thing)
     return thing.image
 
 
@@ -140,10 +162,11 @@ def _(thing: Comparison) -> str:
     return _html(("sphere", "RMSE", "scale-invariant", "angle of RGB"), rows) + foot
 
 
-def plot(thing: Any, axes: Any = None, title: str | None = None) -> Any:
+def plot(thing: Any, axes: Any = None, title: str | None = None, *, exposure: float | None = None) -> Any:
     """Draws a CubeMap, Environment, Lighting, ShadowMap, FrameResult, Guidance, Plan or Comparison; returns the axes.
 
-    axes: matplotlib's axes to draw into; None makes a figure. title: text above it. Maps have their directions along
+    axes: matplotlib's axes to draw into; None makes a figure. title: text above it. exposure: as of `display.picture`,
+    to show several on one scale. Maps have their directions along
     the edges, a ShadowMap has metres; a Plan and a Comparison are drawn as bars. Raises TypeError for anything else,
     ImportError without matplotlib.
     """
@@ -154,19 +177,21 @@ def plot(thing: Any, axes: Any = None, title: str | None = None) -> Any:
     if axes is None:
         wide = isinstance(thing, CubeMap | Environment | Lighting | Guidance)
         axes = pyplot.subplots(figsize=(8, 4) if wide else (5, 4), layout="constrained")[1]
+    if isinstance(thing, Plan | Comparison):
+        _check_none(exposure, thing)
     if isinstance(thing, Plan):
         _plot_plan(thing, axes)
     elif isinstance(thing, Comparison):
         _plot_comparison(thing, axes)
     else:
-        _plot_picture(thing, axes)
+        _plot_picture(thing, axes, exposure)
     if title is not None:
         axes.set_title(title)
     return axes
 
 
-def _plot_picture(thing: Any, axes: Any) -> None:
-    image = picture(thing)
+def _plot_picture(thing: Any, axes: Any, exposure: float | None) -> None:
+    image = picture(thing, exposure=exposure)
     if isinstance(thing, CubeMap | Environment):
         axes.imshow(image, extent=(-180, 180, -90, 90), aspect="auto" if axes.get_subplotspec() is None else 1)
         axes.set_xticks((-180, -90, 0, 90, 180), ("−y", "−x", "+y", "+x", "−y"))
@@ -218,8 +243,17 @@ def _scale(linear: NDArray) -> float:
     return _GREY / middle if middle > 0 else 1.0
 
 
-def _encoded(linear: NDArray) -> NDArray[np.uint8]:
-    return _bytes(linear * _scale(linear))
+def _chosen(exposure: float | None, linear: NDArray) -> float:
+    if exposure is None:
+        return _scale(linear)
+    if not (np.isreal(exposure) and 0 < exposure < np.inf):
+        raise ValueError(f"exposure must be positive and finite, got {exposure!r}")
+    return float(exposure)
+
+
+def _check_none(exposure: float | None, thing: Any) -> None:
+    if exposure is not None:
+        raise ValueError(f"exposure is for a CubeMap, Environment or Lighting, not for a {type(thing).__name__}")
 
 
 def _bytes(linear: NDArray) -> NDArray[np.uint8]:
@@ -252,4 +286,4 @@ def attach() -> None:
         kind._repr_html_ = table
 
 
-__all__ = ["picture", "plot", "png", "table"]
+__all__ = ["auto_exposure", "picture", "plot", "png", "table"]

@@ -60,7 +60,7 @@ PAGES = {
     "display": (
         "Pictures and plots",
         "How maps, light, shadows and plans are shown; notebooks show them by themselves.",
-        "plot display.picture display.png display.table",
+        "plot display.picture display.auto_exposure display.png display.table",
     ),
     "truth": (
         "Truth and measurements",
