@@ -93,6 +93,18 @@ def test_the_exact_factor_conserves_energy():
         assert abs(white.glossy(n[:1], v[:1], s, "exact")[0, 0] - 1) < 0.003
 
 
+@pytest.mark.parametrize("normalization", ["energy", "paper", "exact"])
+def test_the_truth_has_each_normalization(normalization):
+    """Of an even map, where the lobe's average is 1 whatever the method: what is left is the factor."""
+    even = fastibl.CubeMap(np.ones((6, 16, 16, 3)))
+    n, v = pairs(8)
+    for s in (1.0, 7.0, 60.0):
+        true = reference.glossy(even, n, v, s, normalization, split=2)
+        off = np.abs(fastibl.Lighting(even).glossy(n, v, s, normalization) - true).max()
+        print(f"{normalization} s = {s:g}: {off:.4f}")
+        assert off < 0.006
+
+
 def test_albedo_table_everywhere():
     worst = 0.0
     for s in (0.0, 0.3, 1.0, 3.0, 10.0, 50.0, 300.0, 2048.0, 3e4, 1e6):

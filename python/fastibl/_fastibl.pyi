@@ -579,7 +579,7 @@ class Environment:
     @property
     def confidence(self) -> numpy.typing.NDArray[numpy.float32]:
         """
-        (6, n, n) float32 in [0, 1]; 0 where a texel was never seen.
+        (6, n, n) float32 in [0, 1]; 0 where a texel was never seen. 1 / (1 + (d / 0.1)^2) where its radiance is expected to be off by a share d (standard deviation), by noise and by age.
         """
     @property
     def coverage(self) -> float:

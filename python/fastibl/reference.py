@@ -125,13 +125,14 @@ def glossy(
 ) -> NDArray:
     """Glossy radiance (..., 3) float64 of Eq. 3 with k_G = 1.
 
-    The lobe is (n.h)^s max(n.w, 0). "energy" divides by its integral; "paper" keeps Eq. 3's (s + 8) / (8 pi). split:
-    pieces of a texel along each axis; by default enough for the exponent.
+    The lobe is (n.h)^s max(n.w, 0). "energy" divides by its integral; "paper" keeps Eq. 3's (s + 8) / (8 pi),
+    "exact" has (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)). split: pieces of a texel along each axis; by default enough for
+    the exponent.
     """
     if exponent < 0:
         raise ValueError(f"exponent must be at least 0, got {exponent}")
-    if normalization not in ("energy", "paper"):
-        raise ValueError(f'normalization must be "energy" or "paper", got {normalization!r}')
+    if normalization not in ("energy", "paper", "exact"):
+        raise ValueError(f'normalization must be "energy", "paper" or "exact", got {normalization!r}')
     n, v = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"))
     if split is None:
         split = 1 if exponent < 256 else 4 if exponent < 1024 else 8
@@ -146,9 +147,17 @@ def glossy(
         half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-300)
         cosine = np.clip(half @ normal, 0, 1)
         weight = np.power(cosine, exponent) * np.maximum(d @ normal, 0) * a
-        scale = (exponent + 8) / (8 * np.pi) if normalization == "paper" else 1 / max(weight.sum(), 1e-300)
-        out[i] = scale * (weight @ l)
+        out[i] = _factor(normalization, exponent, weight) * (weight @ l)
     return out.reshape(*n.shape[:-1], -1)
+
+
+def _factor(normalization: str, s: float, weight: NDArray) -> float:
+    """Of the lobe (n.h)^s max(n.w, 0). weight: its height times the solid angle, of each direction."""
+    if normalization == "paper":
+        return (s + 8) / (8 * np.pi)
+    if normalization == "exact":
+        return (s + 2) * (s + 4) / (8 * np.pi * (2 ** (-s / 2) + s))
+    return 1 / max(weight.sum(), 1e-300)
 
 
 def _refined(shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: int) -> tuple[NDArray, NDArray]:
