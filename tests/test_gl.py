@@ -647,6 +647,7 @@ VARIANTS = {
     },
     "copy": {"EXTERNAL": (0, 1), "LINEAR": (0, 1)},
     "present": {"ENCODES": (0, 1)},
+    "average": {},
 }
 
 

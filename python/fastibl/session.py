@@ -198,7 +198,8 @@ class Session(_Session):
     offline: True for pictures rather than a live view: "auto" may then choose methods that take tenths of a second per
     picture.
     supersampling: how many times as large along each axis the object is drawn and then averaged, 1 to 8: its pixels
-    have 4 supersampling^2 samples. For shiny, curved objects in small pictures; on the CPU only.
+    have 4 supersampling^2 samples. For shiny, curved objects in small pictures. A GPU takes less where a texture cannot
+    be so large.
     A scene that has spheres but no baked_shadow gets one, for the shadow methods "auto" and "mesh": its mesh is baked,
     or the result is read from the cache on disk.
     Raises ValueError for unknown names and values out of range, RuntimeError where the GL back end cannot start.

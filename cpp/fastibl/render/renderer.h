@@ -43,7 +43,7 @@ struct RenderInput {
   std::span<const glm::vec4> self_shares = {};
   const CellLight* cell_light = nullptr;  // that these shares were found with, if any
   bool shades_alike_as_one = false;       // see Plan; a GPU shades each triangle's part by itself
-  int supersampling = 1;                  // see SessionOptions; where the renderer has it
+  int supersampling = 1;                  // see SessionOptions
 };
 
 class Renderer {
@@ -53,7 +53,6 @@ class Renderer {
   virtual std::string device() const { return {}; }  // GL_RENDERER; empty: the processor
   // Whether it has the self-shadow methods that find shares for single pixels.
   virtual bool shares_pixels() const = 0;
-  virtual bool supersamples() const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.
   virtual void run(PassId pass, const RenderInput& input) = 0;
   // Forgets a pass's product, and what its next run would build on. The ratio is then 1, or nothing

@@ -60,10 +60,7 @@ std::unique_ptr<Renderer> checked(std::unique_ptr<Renderer> renderer, const Sess
                                   const Camera& camera) {
   check(renderer != nullptr, "a session needs a renderer");
   check_methods(options.methods, *renderer);
-  strips_of(camera, options.supersampling);  // throws where it is out of range
-  check(options.supersampling == 1 || renderer->supersamples(), "the ", renderer->backend(),
-        " back end draws four samples a pixel: supersampling must be 1, got ",
-        options.supersampling);
+  enlarged(camera, options.supersampling);  // throws where it is out of range
   return renderer;
 }
 

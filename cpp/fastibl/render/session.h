@@ -54,7 +54,7 @@ struct SessionOptions {
   Costs costs = {};      // of this machine, see measure_costs.h; used for `milliseconds` alone
   bool offline = false;  // see CandidateOptions
   // The object is drawn so many times as large along each axis, and averaged: 4 samples a pixel
-  // become 4 supersampling². A renderer may lack it.
+  // become 4 supersampling².
   int supersampling = 1;
   // Whether FrameResult::image gets the picture. Without, it stays with the renderer, for
   // Renderer::image or GlRenderer::present, and a GPU need not give it back.

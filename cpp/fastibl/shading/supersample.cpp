@@ -23,14 +23,19 @@ void extend(ObjectLayer& layer, int left, int top, int right, int bottom) {
 
 }  // namespace
 
-std::vector<Strip> strips_of(const Camera& camera, int scale) {
+Camera enlarged(const Camera& camera, int scale) {
   check(scale >= 1 && scale <= kMostSupersampling, "supersampling must be from 1 to ",
         kMostSupersampling, ", got ", scale);
+  Camera large = camera;
+  large.width *= scale, large.height *= scale;
+  large.fx *= scale, large.fy *= scale, large.cx *= scale, large.cy *= scale;
+  return large;
+}
+
+std::vector<Strip> strips_of(const Camera& camera, int scale) {
+  const Camera large = enlarged(camera, scale);
   constexpr int kPixels = 1 << 20;
   const int rows = std::max(1, kPixels / (camera.width * scale * scale));
-  Camera large = camera;
-  large.width *= scale;
-  large.fx *= scale, large.fy *= scale, large.cx *= scale, large.cy *= scale;
   std::vector<Strip> strips;
   for (int top = 0; top < camera.height; top += rows) {
     Strip strip{scale, top, large};

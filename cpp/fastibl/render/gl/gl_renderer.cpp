@@ -21,7 +21,6 @@ class Gl final : public GlRenderer {
 
   std::string_view backend() const override { return "gl"; }
   bool shares_pixels() const override { return false; }
-  bool supersamples() const override { return false; }
   std::string device() const override { return gpu_.device(); }
 
   void run(PassId pass, const RenderInput& in) override {

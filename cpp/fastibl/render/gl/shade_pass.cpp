@@ -11,6 +11,7 @@
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/sample_cells.h"
+#include "fastibl/shading/supersample.h"
 
 namespace fastibl {
 namespace {
@@ -61,6 +62,24 @@ Scene holdout_scene(const Scene& scene) {
   return real;
 }
 
+// The same input for another camera.
+RenderInput drawn_by(const Camera& camera, const RenderInput& in) {
+  return {in.scene,
+          in.methods,
+          in.lighting,
+          camera,
+          in.camera_from_marker,
+          in.back,
+          in.exposure,
+          in.light_shares,
+          in.plane_gain,
+          in.holdout_ratios,
+          in.self_shares,
+          in.cell_light,
+          in.shades_alike_as_one,
+          in.supersampling};
+}
+
 Pose camera_from_object(const RenderInput& in) {
   return in.camera_from_marker * in.scene.marker_from_object;
 }
@@ -96,6 +115,33 @@ void set_projection(const Program& p, const RenderInput& in, const Pose& pose) {
 }  // namespace
 
 void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
+  scale_ = in.supersampling;  // or less, where a texture could not hold the picture
+  while (scale_ > 1 && std::max(in.camera.width, in.camera.height) * scale_ > gpu.largest())
+    --scale_;
+  if (scale_ == 1) return draw(gpu, light, in);
+  const Camera large = enlarged(in.camera, scale_);
+  draw(gpu, light, drawn_by(large, in));
+  reduce(gpu);
+}
+
+void ShadePass::reduce(Gpu& gpu) {
+  if (area_.empty()) return;
+  area_ = {area_.x0 / scale_, area_.y0 / scale_, area_.x1 / scale_, area_.y1 / scale_};
+  average(gpu, object_, mean_object_);
+  if (has_holdout_) average(gpu, holdout_, mean_holdout_);
+}
+
+void ShadePass::average(Gpu& gpu, const Texture& large, Texture& mean) {
+  gpu.allocate(mean, GL_RGBA32F, (large.width + scale_ - 1) / scale_,
+               (large.height + scale_ - 1) / scale_, GL_RGBA, GL_FLOAT);
+  const Program& p = gpu.use("average", {});
+  glUniform1i(p.uniform("scale"), scale_);
+  gpu.bind("large", large);
+  gpu.target(0, mean);
+  gpu.draw_full_screen(area_.width(), area_.height());
+}
+
+void ShadePass::draw(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   mesh_.upload(gpu, in.scene);
   mesh_.upload_shares(gpu, in.scene, in.light_shares);
   const Outline outline = outline_of(mesh_.mesh(), in.camera, camera_from_object(in));
@@ -116,6 +162,10 @@ void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
     around.farthest = alone ? holdout.farthest : std::max(outline.farthest, holdout.farthest);
   }
   if (area_.empty()) return;
+  // Whole pixels of the picture, which ends with one.
+  area_.x0 -= area_.x0 % scale_, area_.y0 -= area_.y0 % scale_;
+  area_.x1 += (scale_ - area_.x1 % scale_) % scale_;
+  area_.y1 += (scale_ - area_.y1 % scale_) % scale_;
   draw_visible(gpu, in, outline, holdout, around);
   if (has_holdout_) draw_holdout(gpu, in);
   gpu.allocate(object_, GL_RGBA32F, visible_.width, visible_.height, GL_RGBA, GL_FLOAT);
@@ -326,9 +376,9 @@ void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
   gpu.draw_full_screen(area_.width(), area_.height());
 }
 
-ObjectLayer ShadePass::layer(Gpu& gpu) const { return read(gpu, object_); }
+ObjectLayer ShadePass::layer(Gpu& gpu) const { return read(gpu, object()); }
 ObjectLayer ShadePass::holdout_layer(Gpu& gpu) const {
-  return has_holdout_ ? read(gpu, holdout_) : ObjectLayer{};
+  return has_holdout_ ? read(gpu, holdout()) : ObjectLayer{};
 }
 
 ObjectLayer ShadePass::read(Gpu& gpu, const Texture& texture) const {

@@ -16,13 +16,18 @@ class ShadePass {
   void clear() { area_ = {}, has_holdout_ = false; }
 
   const Area& area() const { return area_; }  // part of the image that object() holds
-  const Texture& object() const { return object_; }
+  const Texture& object() const { return scale_ > 1 ? mean_object_ : object_; }
   bool has_holdout() const { return has_holdout_; }
-  const Texture& holdout() const { return holdout_; }  // of the same area
-  ObjectLayer layer(Gpu& gpu) const;                   // read back; outside a scope
+  // Of the same area.
+  const Texture& holdout() const { return scale_ > 1 ? mean_holdout_ : holdout_; }
+  ObjectLayer layer(Gpu& gpu) const;  // read back; outside a scope
   ObjectLayer holdout_layer(Gpu& gpu) const;
 
  private:
+  void draw(Gpu& gpu, LightTextures& light, const RenderInput& in);
+  // The area and what was drawn become the picture's size again.
+  void reduce(Gpu& gpu);
+  void average(Gpu& gpu, const Texture& large, Texture& mean);
   void draw_visible(Gpu& gpu, const RenderInput& in, const Outline& outline, const Outline& holdout,
                     const Outline& around);
   void draw_holdout(Gpu& gpu, const RenderInput& in);
@@ -37,7 +42,9 @@ class ShadePass {
   bool has_holdout_ = false;
   MaterialTextures material_;
   Texture visible_, object_, holdout_, albedo_;
-  Area area_;
+  int scale_ = 1;  // how many times as large as the picture the last textures are
+  Texture mean_object_, mean_holdout_;
+  Area area_;  // of the textures while they are drawn, then of the picture
 };
 
 }  // namespace fastibl
