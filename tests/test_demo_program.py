@@ -96,8 +96,8 @@ def pictures(path):
 MATERIAL = ("--diffuse", "0.5,0.4,0.3", "--glossy", "0.2,0.3,0.4", "--exponent", 40)
 
 
-@pytest.mark.parametrize("methods", ["auto", "paper"])
-def test_same_bytes_as_python(recording, folder, obj, methods, tmp_path):
+@pytest.mark.parametrize("methods, supersampling", [("auto", 1), ("paper", 1), ("auto", 2)])
+def test_same_bytes_as_python(recording, folder, obj, methods, supersampling, tmp_path):
     material = fastibl.Material(diffuse=(0.5, 0.4, 0.3), glossy=(0.2, 0.3, 0.4), exponent=40)
     session = fastibl.Session(
         fastibl.Scene(python_mesh(), material),
@@ -105,6 +105,7 @@ def test_same_bytes_as_python(recording, folder, obj, methods, tmp_path):
         fastibl.Board.default(),
         methods=methods,
         backend="cpu",
+        supersampling=supersampling,
     )
     expected = []
     for frame in recording:
@@ -113,6 +114,7 @@ def test_same_bytes_as_python(recording, folder, obj, methods, tmp_path):
         frame.back_from_marker = None
 
     arguments = ("--recording", folder, "--object", obj, "--height", 0.09, *MATERIAL, "--methods", methods)
+    arguments += ("--supersampling", supersampling)
     for threads in (1, 2):
         out = tmp_path / f"out-{threads}"
         run(*arguments, "--poses", "truth", "--headless", "--out", out, "--threads", threads)
@@ -381,6 +383,7 @@ def test_bad_recordings(folder, tmp_path, name, edit, message):
         (("--recording", "x", "--exponent", "nan"), 'expected 0 or more, got "nan"'),
         (("--recording", "x", "--diffuse", "1,2"), "--diffuse"),
         (("--recording", "x", "--glossy", "1,2,-3"), "at least 0, got 1, 2, -3"),
+        (("--recording", "x", "--supersampling", 9), "9 not in range"),
         (("--recording", "x", "--methods", "magic"), "magic not in {auto,paper}"),
         (("--recording", "x", "--nonsense"), "--nonsense"),
         (("--recording", "FOLDER", "--out", "no-such-folder/a.webm"), "no folder no-such-folder"),

@@ -8,6 +8,7 @@
 #include "demo/commands.h"
 #include "demo/output.h"
 #include "fastibl/core/check.h"
+#include "fastibl/shading/supersample.h"
 
 namespace fastibl::demo {
 namespace {
@@ -139,6 +140,10 @@ std::optional<Args> parse_args(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--milliseconds", args.milliseconds, "processor time for a frame; 0: any")
       ->check(kNotNegative);
+  app.add_option("--supersampling", args.supersampling,
+                 "draw the object so many times as large along each axis and average")
+      ->check(CLI::Range(1, kMostSupersampling))
+      ->capture_default_str();
   app.add_option("--backend", args.backend, "cpu or gl")
       ->check(CLI::IsMember({"cpu", "gl"}))
       ->capture_default_str();

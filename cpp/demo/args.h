@@ -34,6 +34,7 @@ struct Args {
 
   bool paper = false;
   double error = 0.02, milliseconds = 0;  // budgets
+  int supersampling = 1;
   std::string backend = "cpu";
   bool cast_shadow = true;
   ShadowLook shadow_look;

@@ -61,6 +61,7 @@ void Player::make_session(Scene scene) {
   options.methods = args_.paper ? Methods::paper() : Methods{};
   options.error = args_.error, options.milliseconds = args_.milliseconds;
   options.cast_shadow = args_.cast_shadow;
+  options.supersampling = args_.supersampling;
   scene.shadow_look = args_.shadow_look;
   session_ = std::make_unique<Session>(std::move(scene), source_->rig(), board_, nullptr,
                                        opencv_detector(), make_renderer(), options);
