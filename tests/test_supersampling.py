@@ -122,6 +122,26 @@ def test_a_shiny_object_is_less_wrong_at_the_price_of_its_samples():
     assert expected[1] < expected[2] < expected[8] and expected[8] > 2 * expected[1]
 
 
+def test_a_plan_of_one_picture_says_what_its_pixels_leave():
+    """By the four samples alone, against 256. Without a camera nothing is known of pixels."""
+    scene, ratios = scene_of(), []
+    bare = fastibl.Scene(scene.mesh, scene.material, spheres=1)
+    for size in ((96, 72), (320, 240)):
+        camera = camera_of(*size, 40.0)
+        plan = fastibl.make_plan(bare, room(), error=0.02, camera=camera, camera_from_marker=POSE, cast_shadow=False)
+        pictures = [session_of(bare, camera, supersampling=n, cast_shadow=False) for n in (1, 8)]
+        white = 0.3 / 0.35  # the plane, of radiance 0.3, lies at 0.35 of it
+        one, true = (np.clip(whole(s.object, camera) / [white, white, white, 1], 0, 1).astype(float) for s in pictures)
+        over = [layer[..., :3] + (1 - layer[..., 3:]) * 0.35 for layer in (one, true)]
+        where = (one[..., 3] > 0) | (true[..., 3] > 0)
+        measured = np.sqrt(((over[0] - over[1])[where] ** 2).mean()) / over[1][where].mean()
+        print(f"{size}: {measured:.2%}, stated {plan.sampling_error:.2%}")
+        ratios.append(plan.sampling_error / measured)
+        assert f"four samples a pixel leave {100 * plan.sampling_error:.2g} %" in str(plan)
+    assert 0.6 < min(ratios) and max(ratios) < 1.7
+    assert fastibl.make_plan(bare, room(), error=0.02).sampling_error is None
+
+
 @pytest.mark.parametrize("n", [0, -1, 9])
 def test_numbers_out_of_range_are_refused(n):
     camera = camera_of()

@@ -111,6 +111,10 @@ void bind_lines(py::module_& module) {
       .def_property_readonly("light_error", &Plan::light_error,
                              "Expected error of a captured map's irradiance, which is not part of "
                              "the budget: no method makes it smaller. None where the map is given.")
+      .def_readonly("sampling_error", &Plan::sampling_error,
+                    "What four samples a pixel leave of the picture, expected from how they differ "
+                    "within pixels; not part of the budget: no method makes it smaller, but "
+                    "Session(supersampling=) does. None but for a plan of one picture (camera=).")
       .def_readonly("light_in_turns", &Plan::light_in_turns,
                     "Whether each frame does only one step of the work on the light, because all "
                     "steps do not fit into the time budget: the light is then some frames old, "

@@ -1793,6 +1793,11 @@ class Plan:
         """
         List of PlannedPass in the order in which they run.
         """
+    @property
+    def sampling_error(self) -> float | None:
+        """
+        What four samples a pixel leave of the picture, expected from how they differ within pixels; not part of the budget: no method makes it smaller, but Session(supersampling=) does. None but for a plan of one picture (camera=).
+        """
 class _SceneSamples:
     pass
 class _JudgedLight:

@@ -147,6 +147,11 @@ def _(thing: Plan) -> str:
         foot += (
             f"<p>The captured light is expected to be off by {_percent(thing.light_error)}, whatever the methods.</p>"
         )
+    if thing.sampling_error is not None:
+        foot += (
+            f"<p>Four samples a pixel leave {_percent(thing.sampling_error)}, whatever the methods; supersampling "
+            "draws more.</p>"
+        )
     if thing.light_in_turns:
         foot += "<p>The light is made in turns, one step a frame: some frames late.</p>"
     return _html(("pass", "method", "expected error", "expected time"), rows) + foot

@@ -60,6 +60,9 @@ std::string bill(const Plan& plan) {
   if (const auto light = plan.light_error(); light && std::isfinite(*light))
     text << "\nthe captured light is expected to be off by " << percent(*light)
          << ", whatever the methods";
+  if (plan.sampling_error)
+    text << "\nfour samples a pixel leave " << percent(*plan.sampling_error)
+         << ", whatever the methods; supersampling draws more";
   if (plan.light_in_turns)
     text << "\nthe light is made in turns, one step a frame: some frames late";
   if (plan.milliseconds_budget > 0)

@@ -1,6 +1,7 @@
 // The methods that a plan chooses from, and how wrong the picture is with each.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "fastibl/scene/methods.h"
@@ -70,6 +71,9 @@ struct MeasuredErrors {
   // the worst view. For the plane's: [shadow][bounce]. The picture's is the sum of one of each.
   std::vector<double> object, object_worst, plane;
   std::vector<ErrorAlone> diffuse, glossy, self_shadow, shadow, bounce;
+  // Of one picture: what its pixels' four samples leave, with the truth at each. It is no part of
+  // the others.
+  std::optional<double> sampling = {};
   bool empty() const { return object.empty(); }
 
   std::size_t index(const Combination& at) const {

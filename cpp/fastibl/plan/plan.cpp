@@ -267,6 +267,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     plan.methods = choice->methods;
     plan.picture_error = choice->error, plan.best_error = choice->best_error;
     plan.picture_assured = choice->assured, plan.best_assured = choice->best_assured;
+    if (const auto& left = options.measured->sampling) plan.sampling_error = std::sqrt(*left);
   }
   const char* dispensable = why_dispensable(options, choice);
   const Methods& methods = plan.methods;

@@ -38,6 +38,9 @@ struct Plan {
   // Where errors were measured: the error of the whole picture by all methods together, and the
   // least that any of the candidates leave.
   std::optional<double> picture_error = {}, best_error = {};
+  // Where errors were measured for one picture: what four samples a pixel leave of it, whatever the
+  // methods. It is no part of the budget.
+  std::optional<double> sampling_error = {};
   double picture_assured = 0, best_assured = 0;  // what these errors hardly ever exceed
   // Whether the parts of a pixel that show triangles of nearly equal normals are shaded as one.
   // These normals differ by a twelfth of the lobe's width at most. That changes the picture by

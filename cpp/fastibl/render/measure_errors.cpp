@@ -12,6 +12,7 @@
 #include "fastibl/render/sample_shares.h"
 #include "fastibl/render/true_light.h"
 #include "fastibl/render/true_plane.h"
+#include "fastibl/shading/sample_cells.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shadow/mesh_shadow.h"
 #include "fastibl/shadow/scene_shadow.h"
@@ -111,6 +112,21 @@ Colours diffuse_colours(const Judged& j, const Irradiance& irradiance) {
   for (std::size_t i = 0; i < j.samples.seen; ++i)
     result.push_back(j.diffuse_factor[i] * evaluate(irradiance, j.samples.surface[i].normal) / kPi);
   return result;
+}
+
+// What four samples leave of a pixel, by two halves of them, each with the pixel's middle as its
+// own: the variance of their mean is a quarter of the squared difference.
+double sampling_error(const Judged& j) {
+  constexpr bool kFirst[kSamples] = {true, false, false, true};
+  double sum = 0;
+  for (std::size_t p = 0; p + 1 < j.samples.pixels.size(); ++p) {
+    glm::vec3 halves[2] = {j.plane_radiance, j.plane_radiance};
+    for (std::size_t i = j.samples.pixels[p]; i < j.samples.pixels[p + 1]; ++i)
+      halves[kFirst[j.samples.surface[i].place]] +=
+          2 * j.samples.part * (j.true_colour(i) - j.plane_radiance);
+    sum += square(j.cut(halves[0]) - j.cut(halves[1])) / 4;
+  }
+  return sum * j.object_weight;
 }
 
 void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
@@ -391,6 +407,7 @@ struct ErrorMeasurement::Work {
 
   void judge() {
     errors.candidates = candidates;
+    if (samples.part < 1) errors.sampling = sampling_error(*judged);
     judge_object(*judged, diffuse, glossy, shares, errors);
     judge_plane(*judged, ratios, errors);
   }

@@ -180,9 +180,12 @@ void add_surface(const Scene& scene, const Standing& object, const std::vector<V
     int found = 0;
     for (int k = 0; found < view.wanted && k < 40 * view.wanted; ++k) {
       const std::size_t first = samples.surface.size();
-      for (const Ray& ray : view.samples(k))
+      int place = 0;
+      for (const Ray& ray : view.samples(k)) {
         if (const auto sample = surface_at(scene, object, samples, ray, v, used))
-          samples.surface.push_back(*sample);
+          samples.surface.push_back(*sample), samples.surface.back().place = place;
+        ++place;
+      }
       const bool any = samples.surface.size() > first;
       found += any;
       if (!pictured) continue;

@@ -35,6 +35,7 @@ class SceneSamples {
     glm::vec4 tangent;           // see Fragment
     glm::vec2 uv;
     glm::vec3 color;  // of Mesh::colors
+    int place = 0;    // which of its pixel's samples it is
   };
   // What views see of the object, with each pixel equally often. The first `seen` samples are of
   // the views that pictures are taken from; the rest are of views from below, which tell what the
