@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import fastibl
 from fastibl.tracking import detect
@@ -110,3 +111,39 @@ def test_a_plan_that_was_handed_out_stays():
         running.process(fastibl.Frame(time=0.1 * k, back_from_marker=POSE))
     assert [(p.name, p.included, p.reason) for p in passes] == named
     assert str(plan) == before and str(plan.methods) == methods
+
+
+LEFT_AT_WORK = """
+import sys, threading
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+import fastibl, test_threads
+session = test_threads.session()
+cube = fastibl.CubeMap(np.ones((6, 64, 64, 3), np.float32))
+mesh = fastibl.shapes.figurine(detail=0.9)
+at_work = threading.Event()
+def frames():
+    for k in range(10**9):
+        session.process(fastibl.Frame(time=0.01 * k, back_from_marker=test_threads.POSE))
+        at_work.set()
+def light():
+    while True:
+        fastibl.Lighting(cube).prefiltered(size=32)
+        at_work.set()
+def baked():
+    def told(done):
+        at_work.set()
+        return True
+    while True:
+        fastibl.MeshShadow(mesh, cache=False, progress=told)
+threading.Thread(target=locals()[sys.argv[2]], daemon=True).start()
+at_work.wait()
+"""
+
+
+@pytest.mark.parametrize("work", ["frames", "light", "baked"])
+def test_a_program_may_end_while_a_thread_is_at_work(work):
+    """As that of a page that is still preparing an object: the process ends as the main thread says."""
+    command = [sys.executable, "-c", LEFT_AT_WORK, str(Path(__file__).parent), work]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stderr[-500:]

@@ -244,7 +244,7 @@ ValueError for another camera or an invalid range.)")
         if (!looking.is_none()) at = glm::dvec3(require_triple(looking, "looking"));
         NextView next;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           next = next_view(environment, at);
         }
         py::object direction = py::none();

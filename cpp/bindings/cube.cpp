@@ -109,7 +109,7 @@ texels in that part of a face. With them, what is made from a map can be renewed
             glm::vec3* to = vectors(out);
             const float* per = scalar ? nullptr : levels.data();
             {
-              const py::gil_scoped_release release;
+              const WithoutGil release;
               parallel_for(int(count), 4096, [&](int begin, int end) {
                 for (int i = begin; i < end; ++i) to[i] = cube.sample(d[i], per ? per[i] : single);
               });
@@ -156,7 +156,7 @@ directions: (..., 3) any float dtype, marker frame, any length. level: MIP level
           throw py::value_error("image must have shape (height, width, 3), got " + shape_of(array));
         const ImageView<const float> view{array.data(), int(array.shape(1)), int(array.shape(0)), 3,
                                           3 * array.shape(1)};
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return cubemap_from_equirect(
             view, size, filter == "area" ? EquirectFilter::area : EquirectFilter::point);
       },
@@ -173,7 +173,7 @@ right. size: face edge in texels. Raises ValueError for another shape or filter,
       [](const CubeMap& cube, int height) {
         Image<float> image;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           image = equirect_from_cubemap(cube, height);
         }
         return image_array(image);

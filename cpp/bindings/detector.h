@@ -52,11 +52,11 @@ inline Detector make_detector(py::object callable) {
     throw py::type_error("a detector must be callable, got " + type_name(callable));
   // Copies of the Detector may be dropped on threads without the GIL.
   const std::shared_ptr<py::object> shared(new py::object(std::move(callable)), [](py::object* o) {
-    const py::gil_scoped_acquire gil;
+    const WithGil gil;
     delete o;
   });
   return [shared](ImageView<const std::uint8_t> grey, const Board& board, const Camera& camera) {
-    const py::gil_scoped_acquire gil;
+    const WithGil gil;
     // The capsule owns nothing: the picture is the caller's, so no copy is made.
     const py::array_t<std::uint8_t> view({py::ssize_t{grey.height}, py::ssize_t{grey.width}},
                                          {py::ssize_t{grey.stride()}, py::ssize_t{1}}, grey.data,

@@ -72,7 +72,7 @@ Floats ggx(Lighting& lighting, const py::object& normals, const py::object& view
   Floats out(shape_vector(n));
   glm::vec3* to = vectors(out);
   {
-    const py::gil_scoped_release release;
+    const WithoutGil release;
     const GgxShading shading(lighting);
     const bool round = options.method == GgxMethod::taps && options.taps == kGgxTaps &&
                        std::ranges::all_of(pairs, [](glm::vec2 a) { return a.x == a.y; });
@@ -136,7 +136,7 @@ Raises ValueError for another shape, a value out of range or another name, TypeE
         shape.push_back(2);
         Floats out(shape);
         float* to = out.mutable_data();
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         parallel_for(int(pairs.size()), 16, [&](int begin, int end) {
           for (int i = begin; i < end; ++i) {
             const glm::dvec2 value = integrate_ggx_albedo(glm::dvec3(unit(vectors(v)[i])),
@@ -159,7 +159,7 @@ ValueError for another shape or values out of range.)");
       [](int size) {
         Image<float> table;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           table = dfg_table(size);
         }
         return image_array(table);

@@ -20,7 +20,7 @@ template <typename F>
 Floats map_blocks(const Floats& in, F&& f) {
   Floats out(shape_vector(in));
   glm::vec3* to = vectors(out);
-  const py::gil_scoped_release release;
+  const WithoutGil release;
   parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) { f(to, begin, end); });
   return out;
 }
@@ -39,7 +39,7 @@ using Settings = std::map<std::string, int>;
 std::shared_ptr<const CubeMap> shared_cube(const py::object& object) {
   const CubeMap& cube = object.cast<const CubeMap&>();
   return {&cube, [keep = new py::object(object)](const CubeMap*) {
-            const py::gil_scoped_acquire lock;
+            const WithGil lock;
             delete keep;
           }};
 }
@@ -103,7 +103,7 @@ void bind_making(py::class_<Lighting>& lighting_class) {
              options.measure_error = false;
              options.environment = environment;
              const std::shared_ptr<const CubeMap> shared = shared_cube(cube);
-             const py::gil_scoped_release release;
+             const WithoutGil release;
              return fit_lighting(shared, options, previous);
            }),
            py::arg("cube"), py::arg("diffuse"), py::arg("diffuse_settings"), py::arg("glossy"),
@@ -120,7 +120,7 @@ void bind_look_ups(py::class_<Lighting>& lighting_class) {
             const Floats in = require_vectors(normals, "normals");
             Floats out(shape_vector(in));
             glm::vec3* to = vectors(out);
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             parallel_for(int(in.size() / 3), 4096, [&](int begin, int end) {
               const std::span<glm::vec3> part(to + begin, std::size_t(end - begin));
               for (int i = begin; i < end; ++i) to[i] = unit(vectors(in)[i]);
@@ -192,7 +192,7 @@ void bind_products(py::class_<Lighting>& lighting_class) {
       .def(
           "irradiance_cube",
           [](const Lighting& lighting, int size, int source) {
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             return irradiance_cube(*lighting.radiance, size, source);
           },
           py::arg("size") = 16, py::arg("source") = kSumSize,
@@ -209,7 +209,7 @@ ValueError for sizes outside 1 to 256.)")
       .def_property_readonly(
           "_without_lights",
           [](const Lighting& lighting) {
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             return without_lights(lighting);
           },
           "CubeMap: the map without its lights.")

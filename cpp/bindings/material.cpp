@@ -135,7 +135,7 @@ Material pbr(const py::object& base_color, const py::object& metallic, const py:
   m.normal_scale = normal_scale;
   m.ior = ior, m.specular = specular;
   m.specular_color = require_triple(specular_color, "specular_color");
-  const py::gil_scoped_release release;
+  const WithoutGil release;
   return Material::make_pbr(m);
 }
 

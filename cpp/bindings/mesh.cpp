@@ -71,7 +71,7 @@ void bind_obj(py::module_& module) {
         glm::dvec3 offset;
         Mesh mesh;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           mesh = read_obj(text, {.uvs = uvs, .colors = colors}, nullptr, &offset);
         }
         return py::make_tuple(std::move(mesh), triple(offset));
@@ -86,7 +86,7 @@ void bind_obj(py::module_& module) {
         glm::dvec3 offset;
         Mesh mesh;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           mesh = read_obj(text, {.uvs = true, .colors = true}, &materials, &offset);
         }
         const auto names = [](const std::vector<std::string>& all) {
@@ -134,7 +134,7 @@ void bind_bvh(py::module_& module) {
 mesh: Mesh; rays are in its frame, lengths in metres. Origins and directions are (..., 3) of any float dtype; t is in
 units of the direction's length. Raises ValueError for other shapes, TypeError for integers.)")
       .def(py::init([](const Mesh& mesh) {
-             const py::gil_scoped_release release;
+             const WithoutGil release;
              return Bvh(mesh);
            }),
            py::arg("mesh"))
@@ -152,7 +152,7 @@ units of the direction's length. Raises ValueError for other shapes, TypeError f
             py::array_t<bool> out(shape);
             bool* to = out.mutable_data();
             if (o.ndim() == 1) {
-              const py::gil_scoped_release release;
+              const WithoutGil release;
               DirectionSet set(int(d.size() / 3));
               for (int i = 0; i < set.count; ++i) set.set(i, vectors(d)[i]);
               std::vector<std::uint8_t> hidden(std::size_t(set.count), 0);
@@ -161,7 +161,7 @@ units of the direction's length. Raises ValueError for other shapes, TypeError f
               return out;
             }
             {
-              const py::gil_scoped_release release;
+              const WithoutGil release;
               parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
                 for (int i = begin; i < end; ++i)
                   to[i] = bvh.occluded({vectors(o)[i], vectors(d)[i], t_min});
@@ -190,7 +190,7 @@ origins may be a single point (3,) for all directions, which is several times fa
             int* to = triangle.mutable_data();
             float *tt = t.mutable_data(), *tuv = uv.mutable_data();
             {
-              const py::gil_scoped_release release;
+              const WithoutGil release;
               parallel_for(int(o.size() / 3), 1024, [&](int begin, int end) {
                 for (int i = begin; i < end; ++i) {
                   const Bvh::Hit hit = bvh.nearest({vectors(o)[i], vectors(d)[i], t_min});

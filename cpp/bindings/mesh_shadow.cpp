@@ -56,7 +56,7 @@ SparseCover table_of(int size, int sources, const py::list& arrays, std::size_t 
 std::optional<MeshShadow> bake(const Mesh& mesh, const MeshShadowOptions& options,
                                const std::function<bool(float)>& progress) {
   const auto report = [&](float done) { return tell_python(progress, done); };
-  const py::gil_scoped_release release;
+  const WithoutGil release;
   return MeshShadow::bake(mesh, options, report);
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "bindings/gil.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/picture.h"

@@ -63,7 +63,7 @@ Raises ValueError for negative numbers or what is not a pose.)")
              options.refine = refine;
              options.progress = [&](float done) { return reporting(done); };
              try {
-               const py::gil_scoped_release release;
+               const WithoutGil release;
                return make_scene(mesh, material.value_or(Material{}), pose, options);
              } catch (const WorkEnded&) {
                PyErr_SetString(PyExc_KeyboardInterrupt, "making a scene was ended");
@@ -142,7 +142,7 @@ are drawn for each direction of light instead, as the method "directions" draws 
             return py::tuple(py::cast(s.holdouts ? s.holdouts->meshes : std::vector<Mesh>{}));
           },
           [](Scene& s, const std::vector<Mesh>& meshes) {
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             s.holdouts = make_holdouts(meshes, s);
           },
           R"(Real objects as meshes, marker frame: tuple of Mesh, empty by default; set from any sequence of them.

@@ -1,12 +1,12 @@
 // For objects that calls change, and that several of Python's threads may call.
 #pragma once
 
-#include <pybind11/pybind11.h>
-
 #include <array>
 #include <cstdint>
 #include <mutex>
 #include <utility>
+
+#include "bindings/gil.h"
 
 namespace fastibl::bindings {
 
@@ -21,7 +21,7 @@ inline std::recursive_mutex& mutex_of(const void* address) {
 // code that does so with the GIL, and that may call the object again.
 template <typename F>
 auto one_at_a_time(const void* object, const void* part, F&& f) {
-  const pybind11::gil_scoped_release release;
+  const WithoutGil release;
   const std::scoped_lock lock(mutex_of(object), mutex_of(part));
   return std::forward<F>(f)();
 }

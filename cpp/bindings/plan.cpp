@@ -146,7 +146,7 @@ void bind_making(py::module_& module) {
   module.def(
       "_sample_scene",
       [](const Scene& scene, const Camera& camera, const Pose& camera_from_marker) {
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return std::const_pointer_cast<SceneSamples>(
             sample_scene(scene, camera, camera_from_marker));
       },
@@ -158,7 +158,7 @@ void bind_making(py::module_& module) {
       [](const Scene& scene, const std::shared_ptr<Environment>& light, const Methods& methods,
          bool capture, bool cast_shadow, bool budgets, bool hurried, bool offline,
          const SceneSamples* samples) {
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         const std::shared_ptr<const CubeMap> radiance(light, &light->radiance);
         JudgedLight judged;
         LightingOptions choice;
@@ -185,7 +185,7 @@ void bind_making(py::module_& module) {
          const Methods& methods, bool track, bool capture, bool cast_shadow, double error,
          double milliseconds, const std::map<std::string, double>& costs, int width, int height,
          const SceneSamples* samples) {
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
         options.workload = workload_of(scene, width, height, capture, cast_shadow);
@@ -203,14 +203,14 @@ void bind_times(py::module_& module) {
   module.def(
       "_measure_costs",
       [] {
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return costs_map(measure_costs());
       },
       "Unit costs of this machine in nanoseconds, by name; some three seconds.");
   module.def(
       "_due_seconds",
       [](const Plan& plan, int repetitions) {
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         std::size_t ran = 0;
         const ProcessorClock clock;
         for (int k = 0; k < repetitions; ++k) {
@@ -224,7 +224,7 @@ void bind_times(py::module_& module) {
   module.def(
       "_plan_seconds",
       [](const Scene& scene, const std::shared_ptr<Environment>& environment, int repetitions) {
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         const Methods methods;
         const ProcessorClock measuring;
         const MeasuredErrors measured = measure_errors(
@@ -254,7 +254,7 @@ void bind_errors(py::module_& module) {
          const Methods& methods, bool cast_shadow, bool offline, const SceneSamples* samples) {
         MeasuredErrors errors;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           CandidateOptions from = candidate_options(scene, *environment);
           from.light_stays = true, from.offline = offline;
           errors = measure_errors(scene, samples ? samples : scene.samples.get(),

@@ -12,7 +12,7 @@ namespace fastibl::bindings {
 namespace {
 
 PlaneExchange of_mesh(const Mesh& mesh, int cells) {
-  const py::gil_scoped_release release;
+  const WithoutGil release;
   VisibilityOptions options;
   options.size = 32;
   return PlaneExchange(mesh, mesh_visibility(mesh, options), cells);
@@ -102,9 +102,9 @@ ValueError for another shape, TypeError for integers.)")
       R"(One bounce of diffuse light between a scene's object and the plane, for other renderers.
 
 scene: Scene with its object in place. Raises ValueError for a scene without visibility_rays.)")
-      .def(py::init<const Scene&>(), py::arg("scene"), py::call_guard<py::gil_scoped_release>())
+      .def(py::init<const Scene&>(), py::arg("scene"), py::call_guard<WithoutGil>())
       .def("update", &SceneBounce::update, py::arg("lighting"), py::arg("shadow"),
-           py::call_guard<py::gil_scoped_release>(),
+           py::call_guard<WithoutGil>(),
            "Computes the bounce for a Lighting and the object's ShadowMap under it.")
       .def_property_readonly(
           "shares",

@@ -20,7 +20,7 @@ void bind_prefilter(py::module_& module) {
         PrefilterOptions options;
         options.model = lobe_model(model);
         options.error = error;
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return prefilter(lighting.radiance, wanted, options);
       },
       py::arg("lighting"), py::arg("levels"), py::arg("model"), py::arg("error"));

@@ -12,7 +12,7 @@ namespace fastibl::bindings {
 // Calls a function of Python's, if there is one, with the part that is done, and lets Ctrl-C
 // through. To be called without the GIL.
 inline bool tell_python(const std::function<bool(float)>& progress, float done) {
-  const py::gil_scoped_acquire acquire;
+  const WithGil acquire;
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   return progress ? progress(done) : true;
 }

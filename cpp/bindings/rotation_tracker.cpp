@@ -118,7 +118,7 @@ void bind_rotation_tracker(py::module_& module) {
             const RigPictures pictures =
                 rig_pictures(back, front, back_exposure, front_exposure, keep_back, keep_front);
             const Pose known = require_pose(pose, "back_from_marker");
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             t.start(known, time, pictures);
           },
           py::arg("back_from_marker"), py::arg("time"), py::arg("back"), py::arg("front"),
@@ -133,7 +133,7 @@ void bind_rotation_tracker(py::module_& module) {
                 rig_pictures(back, front, back_exposure, front_exposure, keep_back, keep_front);
             std::optional<glm::dmat3> rotation;
             if (turn) rotation = rotation_from_vector({(*turn)[0], (*turn)[1], (*turn)[2]});
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             return tracker.track(environment, pictures, time, rotation);
           },
           py::arg("environment"), py::arg("back"), py::arg("front"), py::arg("back_exposure"),

@@ -30,13 +30,13 @@ struct SelfShadow {
 };
 
 SelfShadow from_mesh(const Mesh& mesh, int size) {
-  const py::gil_scoped_release release;
+  const WithoutGil release;
   return {mesh.vertices, vertex_normals(mesh), mesh_visibility(mesh, {size}), {}};
 }
 
 SelfShadow from_spheres(const Mesh& mesh, const py::object& spheres, int size) {
   const SphereSet set = require_spheres(spheres);
-  const py::gil_scoped_release release;
+  const WithoutGil release;
   mesh.validate();
   const std::vector<glm::vec3> normals = vertex_normals(mesh);
   return {mesh.vertices, normals, sphere_visibility(mesh.vertices, normals, set, {size}), {}};
@@ -104,7 +104,7 @@ void bind_shading(py::module_& module) {
         const SphereSet set = spheres.is_none() ? SphereSet{} : require_spheres(spheres);
         std::vector<float> visibility;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           visibility = spheres.is_none() ? ambient_occlusion(mesh, {rays})
                                          : sphere_ambient_occlusion(mesh, set, {rays});
         }

@@ -108,7 +108,7 @@ void bind_shadow(py::module_& module) {
       [](const Mesh& mesh, int count, int resolution, unsigned seed) {
         SphereSet spheres;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           spheres = fit_spheres(mesh, {count, resolution, seed});
         }
         py::array_t<float> out({py::ssize_t(spheres.size()), py::ssize_t{4}});
@@ -198,7 +198,7 @@ fine map blends into the coarse one at its border. Beyond both the ratio is 1.)"
             shape.back() = 3;
             Floats out = given.is_none() ? Floats(shape) : require_results(given, shape);
             {
-              const py::gil_scoped_release release;
+              const WithoutGil release;
               map.sample(as_points(in), {vectors(out), std::size_t(in.size() / 2)});
             }
             return out;
@@ -229,7 +229,7 @@ another shape, TypeError for another kind of array.)")
         const Floats in = require_points(points);
         std::vector<glm::vec3> ratios;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           if (chosen == ShadowMethod::directions)
             ratios = ratio_at(as_points(in), set, light_directions(cube, directions));
           else
@@ -257,7 +257,7 @@ Raises ValueError for another shape, method or number, TypeError for integers.)"
         const ShadowOptions options =
             require_options(method, directions, resolution, extent, centre, outer);
         const SphereSet set = require_spheres(spheres);
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return cast_shadow(cube, plane_irradiance(cube), set, options);
       },
       py::arg("cube"), py::arg("spheres"), py::arg("method") = "auto", py::arg("resolution") = 0,
@@ -317,7 +317,7 @@ changed, the last map is returned. directions: how many stand for all light, see
       [](const CubeMap& cube, int count) {
         std::vector<LightDirection> light;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           light = light_directions(cube, count);
         }
         return direction_arrays(light);

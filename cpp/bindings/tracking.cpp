@@ -61,7 +61,7 @@ void bind_edge_tracker(py::module_& module) {
             MotionHint hint;
             if (const auto w = optional_vector(turn, "turn")) hint.turn = rotation_from_vector(*w);
             hint.gravity = optional_vector(gravity, "gravity");
-            const py::gil_scoped_release release;
+            const WithoutGil release;
             return tracker.track(picture, time, wrapped, hint);
           },
           py::arg("image"), py::arg("time"), py::arg("detector"), py::arg("turn") = py::none(),
@@ -152,7 +152,7 @@ m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous
         const Picture picture = require_picture(image, "image", keep);
         if (picture.type != PixelType::uint8) throw py::type_error("image must be uint8");
         const EdgeModel model(board, camera);
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return model.track({picture.row(0), picture.width, picture.height, 3, picture.stride()},
                            start, {}, {});
       },
@@ -224,7 +224,7 @@ m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous
         options.method = tracking_method(method);
         std::optional<ImageView<const std::uint8_t>> view;
         if (grey) view = require_grey(*grey);
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         if (view) return track(detection, *view, board, camera, options);
         return track(detection, board, camera, options);
       },
@@ -240,7 +240,7 @@ m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous
         TrackingOptions options;
         options.method = tracking_method(method), options.refine = refine;
         const ImageView<const std::uint8_t> view = require_grey(grey);
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return track(wrapped, view, board, camera, options);
       },
       py::arg("detector"), py::arg("grey"), py::arg("board"), py::arg("camera"),
@@ -253,7 +253,7 @@ m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous
          const Camera& camera) {
         const auto picture = require_grey(grey);
         const std::vector<DetectedTag> found = require_tags(tags);
-        const py::gil_scoped_release release;
+        const WithoutGil release;
         return refine_corners(picture, found, border_bits, camera);
       },
       py::arg("grey"), py::arg("tags"), py::arg("border_bits"), py::arg("camera"),
@@ -270,7 +270,7 @@ m^2, camera frame. It describes only the minimum that was chosen: see `ambiguous
                                 std::to_string(camera.height));
         Image<std::uint8_t> grey;
         {
-          const py::gil_scoped_release release;
+          const WithoutGil release;
           grey = grey_from(picture, camera.response);
         }
         return image_array(grey);
