@@ -505,3 +505,42 @@ def test_a_process_forked_with_threads_neither_hangs_nor_differs():
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+
+
+FORK_AT_WORK = """
+import os, sys, threading
+import numpy as np
+import fastibl
+
+film = fastibl.simulate(seconds=0.1, fps=10, size=(160, 120), truth_size=16)
+at_work, forked = threading.Event(), threading.Event()
+
+def detector(*_):
+    at_work.set()
+    forked.wait()
+    return [], None
+
+scene = fastibl.Scene(fastibl.shapes.figurine(detail=0.9), spheres=0, visibility_rays=0)
+session = fastibl.Session(scene, film.rig, film.board, detector=detector, size=8)
+thread = threading.Thread(target=lambda: session.process(next(iter(film))))
+thread.start()
+at_work.wait()
+child = os.fork()
+if child == 0:
+    captures = [fastibl.Capture(size=1) for _ in range(500)]  # one waits for what the session holds, or none does
+    os._exit(0 if sum(capture.environment().coverage for capture in captures) == 0 else 1)
+code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+forked.set()
+thread.join()
+sys.exit(code)
+"""
+
+
+@LINUX
+def test_a_process_forked_while_a_session_is_at_work_does_not_hang():
+    process = python(FORK_AT_WORK, start_new_session=True)
+    try:
+        assert process.wait(60) == 0
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)

@@ -2,13 +2,21 @@
 
 #include <exception>
 
+#if defined(__unix__) || defined(__APPLE__)
+#include <pthread.h>
+#endif
+
 #include "bindings/argument_errors.h"
+#include "bindings/one_at_a_time.h"
 
 PYBIND11_MODULE(_fastibl, module) {
   using namespace fastibl::bindings;
   namespace py = pybind11;
   module.doc() = "fastibl's C++ core. Import fastibl instead.";
   module.attr("__version__") = FASTIBL_VERSION;
+#if defined(__unix__) || defined(__APPLE__)
+  pthread_atfork(nullptr, nullptr, free_mutexes);
+#endif
   // The argument is of another type: without this, pybind11 makes it a RuntimeError.
   py::register_exception_translator([](std::exception_ptr thrown) {
     try {

@@ -4,17 +4,23 @@
 #include <array>
 #include <cstdint>
 #include <mutex>
+#include <new>
 #include <utility>
 
 #include "bindings/gil.h"
 
 namespace fastibl::bindings {
 
-// The mutex of the object at an address; some objects share one, and then wait for each other.
+// Those of all objects, by address; some objects share one, and then wait for each other.
+inline std::array<std::recursive_mutex, 64> object_mutexes;
+
 inline std::recursive_mutex& mutex_of(const void* address) {
-  static std::array<std::recursive_mutex, 64> mutexes;
-  return mutexes[(reinterpret_cast<std::uintptr_t>(address) >> 6) * 0x9E3779B97F4A7C15u >> 58];
+  return object_mutexes[(reinterpret_cast<std::uintptr_t>(address) >> 6) * 0x9E3779B97F4A7C15u >>
+                        58];
 }
+
+// For a forked process: the threads that hold mutexes are not in it, and would hold them for ever.
+inline void free_mutexes() { new (&object_mutexes) std::array<std::recursive_mutex, 64>; }
 
 // Runs f while no other call runs on the object, nor on a part of it that Python sees as an object
 // of its own. The interpreter goes on meanwhile. f must not touch Python's objects, but may call
