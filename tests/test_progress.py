@@ -1,8 +1,10 @@
 """Work that takes long tells its progress, and ends when it is asked to."""
 
+import contextlib
 import io
 import signal
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -75,6 +77,34 @@ def test_signals_end_the_work():
     with pytest.raises(KeyboardInterrupt):
         fastibl.Scene(MESH, progress=tell, **OPTIONS)
     assert len(seen) == 3
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer sends a signal")
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda mesh: fastibl.ambient_occlusion(mesh, rays=1000),
+        fastibl.SelfShadow,
+        lambda mesh: fastibl.PlaneExchange(mesh, cells=64),
+    ],
+    ids=["occlusion", "self-shadow", "exchange"],
+)
+def test_signals_end_work_that_tells_no_progress(work):
+    """Two calls side by side: one to its end, and one that a signal ends after a tenth of that time."""
+
+    def seconds(ended_after=0.0):
+        begin = time.perf_counter()
+        signal.setitimer(signal.ITIMER_REAL, ended_after)
+        with contextlib.suppress(KeyboardInterrupt):
+            work(mesh)
+        return time.perf_counter() - begin
+
+    mesh, before = bumpy(120), signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        whole = seconds()
+        assert seconds(0.1 * whole) < 0.5 * whole
+    finally:
+        signal.signal(signal.SIGALRM, before)
 
 
 class Terminal(io.StringIO):

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "bindings/numpy.h"
+#include "bindings/progress.h"
 #include "fastibl/core/check.h"
 #include "fastibl/shading/bake_visibility.h"
 #include "fastibl/shading/bounce.h"
@@ -15,7 +16,7 @@ PlaneExchange of_mesh(const Mesh& mesh, int cells) {
   const WithoutGil release;
   VisibilityOptions options;
   options.size = 32;
-  return PlaneExchange(mesh, mesh_visibility(mesh, options), cells);
+  return PlaneExchange(mesh, mesh_visibility(mesh, options, let_signals_through), cells);
 }
 
 Image<float> require_cells(const py::object& object, const PlaneExchange& exchange) {

@@ -17,4 +17,7 @@ inline bool tell_python(const std::function<bool(float)>& progress, float done) 
   return progress ? progress(done) : true;
 }
 
+// Progress of work that tells none: only lets Ctrl-C through.
+inline bool let_signals_through(float done) { return tell_python({}, done); }
+
 }  // namespace fastibl::bindings

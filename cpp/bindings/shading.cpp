@@ -1,5 +1,6 @@
 #include "bindings/numpy.h"
 #include "bindings/one_at_a_time.h"
+#include "bindings/progress.h"
 #include "bindings/spheres.h"
 #include "fastibl/core/check.h"
 #include "fastibl/scene/lighting.h"
@@ -31,7 +32,8 @@ struct SelfShadow {
 
 SelfShadow from_mesh(const Mesh& mesh, int size) {
   const WithoutGil release;
-  return {mesh.vertices, vertex_normals(mesh), mesh_visibility(mesh, {size}), {}};
+  return {
+      mesh.vertices, vertex_normals(mesh), mesh_visibility(mesh, {size}, let_signals_through), {}};
 }
 
 SelfShadow from_spheres(const Mesh& mesh, const py::object& spheres, int size) {
@@ -105,7 +107,7 @@ void bind_shading(py::module_& module) {
         std::vector<float> visibility;
         {
           const WithoutGil release;
-          visibility = spheres.is_none() ? ambient_occlusion(mesh, {rays})
+          visibility = spheres.is_none() ? ambient_occlusion(mesh, {rays}, let_signals_through)
                                          : sphere_ambient_occlusion(mesh, set, {rays});
         }
         return py::array_t<float>(py::ssize_t(visibility.size()), visibility.data());

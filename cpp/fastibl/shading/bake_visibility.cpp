@@ -140,10 +140,11 @@ VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm
   return baked(points.size(), normals, size, around, progress);
 }
 
-VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options) {
+VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options,
+                                 const Progress& progress) {
   mesh.validate();
   return visibility_at(Bvh(mesh), ray_offset(mesh), mesh.vertices, vertex_normals(mesh),
-                       options.size);
+                       options.size, progress);
 }
 
 VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,

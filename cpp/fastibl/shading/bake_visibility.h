@@ -21,7 +21,8 @@ struct VisibilityOptions {
 // Found from the mesh, by rays. Triangles block from both sides; rays start off the surface, by
 // 1e-4 of the mesh's radius along the normal. The marker plane is not included: below the horizon
 // the map holds the table. Deterministic.
-VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options = {});
+VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options = {},
+                                 const Progress& progress = {});
 
 // The same for any points on a mesh or near it. offset: along the normal. Throws
 // WorkEnded.
