@@ -10,12 +10,14 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "fastibl/capture/flicker_watch.h"
+#include "fastibl/capture/light_tracks.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/parse_number.h"
 #include "fastibl/core/plane_motion.h"
@@ -305,6 +307,26 @@ TEST_CASE("flicker is told by pictures of three seconds") {
   CHECK(seen(0.1));
   CHECK(seen(0.7));
   CHECK_FALSE(seen(0.8));  // four of them are no swing
+}
+
+TEST_CASE("a light is located however many others came and went before") {
+  const glm::dvec3 lamp(0.5, 0.3, 1.2);
+  LightTracks tracks({0, 0, 0.05});
+  const auto unseen = [](const glm::dvec3&) { return false; };  // as at the border of the picture
+  for (int k = 0; k < 500; ++k) {
+    const double turn = 2.4 * k, z = 0.1 + 0.5 * k / 500;
+    const double across = std::sqrt(1 - z * z);
+    const BrightSpot flash{{across * std::cos(turn), across * std::sin(turn), z}, 1e-3};
+    tracks.add({0, 0, 0.3}, std::span(&flash, 1), unseen);
+  }
+  for (int k = 0; k < 16; ++k) {
+    const glm::dvec3 eye(0.2 * std::cos(0.4 * k), 0.2 * std::sin(0.4 * k), 0.3);
+    const BrightSpot spot{glm::normalize(lamp - eye), 1e-3};
+    tracks.add(eye, std::span(&spot, 1), unseen);
+  }
+  const std::vector<LightPosition> lights = tracks.positions();
+  REQUIRE(lights.size() == 1);
+  CHECK(glm::length(lights[0].position - lamp) < 0.02);
 }
 
 TEST_CASE("an update of tiles gives these a new version, and others none") {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 namespace fastibl {
@@ -100,6 +101,7 @@ void LightTracks::follow(const glm::dvec3& eye, std::span<const BrightSpot> spot
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     Track& track = tracks_[t];
     track.matched = false;
+    ++track.away;
     const double noise = noise_of(track.solid_angle);
     for (std::size_t s = 0; s < spots.size(); ++s) {
       const double ratio = spots[s].solid_angle / track.solid_angle;
@@ -119,7 +121,7 @@ void LightTracks::follow(const glm::dvec3& eye, std::span<const BrightSpot> spot
   for (const Pair& pair : pairs) {
     Track& track = tracks_[pair.track];
     if (track.matched || taken[pair.spot]) continue;
-    track.matched = true, taken[pair.spot] = true, track.missed = 0;
+    track.matched = true, taken[pair.spot] = true, track.missed = track.away = 0;
     const Sight sighting{eye, spots[pair.spot].direction};
     if (glm::length(eye - track.sightings.back().eye) < kSamePlace)
       track.sightings.back() = sighting;
@@ -129,8 +131,9 @@ void LightTracks::follow(const glm::dvec3& eye, std::span<const BrightSpot> spot
     track.solid_angle = spots[pair.spot].solid_angle;
     fit(track);
   }
-  for (std::size_t s = 0; s < spots.size() && tracks_.size() < kTracks; ++s) {
+  for (std::size_t s = 0; s < spots.size(); ++s) {
     if (taken[s]) continue;
+    if (!make_room()) return;
     Track track;
     track.sightings.push_back({eye, spots[s].direction});
     track.solid_angle = spots[s].solid_angle;
@@ -140,6 +143,21 @@ void LightTracks::follow(const glm::dvec3& eye, std::span<const BrightSpot> spot
     fit(track);
     tracks_.push_back(std::move(track));
   }
+}
+
+// Where the camera stays, no picture shows that what came and went beside it is gone. It gives way:
+// first what was seen from too few places to be located, then what was seen longest ago.
+bool LightTracks::make_room() {
+  if (tracks_.size() < kTracks) return true;
+  const auto worth = [](const Track& track) {
+    return std::tuple(track.matched, track.sightings.size() >= kLeastSightings, -track.away);
+  };
+  const auto least =
+      std::min_element(tracks_.begin(), tracks_.end(),
+                       [&](const Track& a, const Track& b) { return worth(a) < worth(b); });
+  if (least->matched) return false;
+  tracks_.erase(least);
+  return true;
 }
 
 void LightTracks::forget() {

@@ -53,9 +53,11 @@ class LightTracks {
     glm::dmat3 frame{1.0};        // columns: two axes across v, and v
     bool matched = false;
     int missed = 0;
+    int away = 0;  // pictures since it was matched
   };
   void follow(const glm::dvec3& eye, std::span<const BrightSpot> spots);
   void forget();
+  bool make_room();  // for another track; false if there is none
   void fit(Track& track) const;
   glm::dvec3 predicted(const Track& track, const glm::dvec3& eye) const;
 
