@@ -484,6 +484,22 @@ def test_a_clock_that_starts_anew():
         np.testing.assert_array_equal(a.environment.radiance.faces, b.environment.radiance.faces)
 
 
+@pytest.mark.parametrize("slip", [1e18, 2e9])
+def test_after_a_time_that_was_far_off_frames_are_told_apart(slip):
+    """One wrong time, of nanoseconds perhaps, and the clock is restarted: the seconds after it are seconds."""
+    for first in ([0.0, slip], [slip]):
+        session = fastibl.Session(ball(), RIG, size=8)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for time in first:
+                session.process(given(time))
+        session.restart_clock()
+        session.process(given(10.0, back=BACK, back_exposure=1.0))
+        aside = fastibl.Pose.look_at((0, -0.3, 0.3), (0, 5, 1))
+        age = session.process(given(10.25, back=BACK, back_from_marker=aside)).environment.age
+        assert age[np.isfinite(age)].max() == pytest.approx(0.25, abs=1e-3)
+
+
 def test_times_that_do_not_go_on_are_told():
     session, lit = fastibl.Session(ball(), RIG, size=8), fastibl.Session(ball(), RIG, environment=WHITE)
     with warnings.catch_warnings():

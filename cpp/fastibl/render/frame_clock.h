@@ -8,6 +8,9 @@ namespace fastibl {
 class FrameClock {
  public:
   static constexpr double kPause = 1;  // seconds: what counts as passed where times start anew
+  // Seconds: a later first time, and a longer step, are no seconds or a slip. They count as no time
+  // and as this long, so that frames are told apart when right times come.
+  static constexpr double kLatest = 1e12, kLongest = 1e8;
 
   // The time of a frame of this time, seconds. Throws std::invalid_argument for one before the last
   // frame's.
