@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <utility>
 
+#include "fastibl/core/clock.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/render/rig_tracker.h"
 #include "fastibl/render/session.h"
 #include "fastibl/shading/in_view.h"
 #include "fastibl/shadow/scene_shadow.h"
@@ -312,4 +315,45 @@ TEST_CASE("a view shows what is in its picture, and not much more") {
     CHECK(hidden > 1000);
     CHECK(needless < 0.03 * hidden);
   }
+}
+
+TEST_CASE("pictures of one time leave nothing behind") {
+  // Those of given light may all have the same time. Seconds that the first one takes in which the
+  // board is lost, after so many in which it was seen.
+  const auto seconds = [](int seen) {
+    Rig rig;
+    rig.back.width = 64, rig.back.height = 48;
+    rig.back.fx = rig.back.fy = 50, rig.back.cx = 32, rig.back.cy = 24;
+    const auto blind = [](ImageView<const std::uint8_t>, const Board&, const Camera&) {
+      return Detection{};
+    };
+    RigTracker tracker(rig, Board::default_board(), blind, true);
+    const auto light = std::make_shared<const Environment>(
+        environment_from(CubeMap(8, std::vector<glm::vec3>(6 * 64, glm::vec3(1)))));
+    const Image<std::uint8_t> picture(64, 48, 3, 100);
+    Frame frame;
+    frame.back = {picture.data.data(), PixelType::uint8, 64, 48, 192};
+    const auto follow = [&](bool found) {
+      SeenAround around;
+      around.map = [&] { return light; };
+      around.mapped = true, around.look = tracker.look_due(frame.time);
+      around.pictures.back = frame.back;
+      FrameResult result;
+      if (found) {
+        result.tracked = Tracked{};
+        result.tracked->camera_from_marker = Pose::look_at({0, -0.3, 0.2}, {0, 0, 0});
+        result.back_from_marker = result.tracked->camera_from_marker;
+      }
+      const Stopwatch watch;
+      tracker.follow(frame, std::move(around), result);
+      return watch.seconds();
+    };
+    for (int k = 0; k < seen; ++k) follow(true);
+    return follow(false);
+  };
+  double few = 1, many = 1;
+  for (int k = 0; k < 3; ++k)
+    few = std::min(few, seconds(10)), many = std::min(many, seconds(300'000));
+  MESSAGE("ms after few, and after many: ", 1e3 * few, ", ", 1e3 * many);
+  CHECK(many < 10 * few);
 }

@@ -94,6 +94,13 @@ void RigTracker::start(const Known& known, const RigPictures& pictures) {
   known_attitude_ = known.attitude;
 }
 
+// Poses of one time tell no motion: the last one stands for them.
+void RigTracker::keep_until_look(const Known& known) {
+  if (!between_looks_.empty() && between_looks_.back().time == known.time)
+    between_looks_.pop_back();
+  between_looks_.push_back(known);
+}
+
 void RigTracker::forget_surroundings() {
   if (rotation_tracker_) rotation_tracker_->forget();
 }
@@ -131,7 +138,7 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   const Known by_board = known(*result.tracked, frame);
   const Pose& pose = by_board.pose;
   if (!board_motion_.moving() && !around.look) {
-    between_looks_.push_back(by_board);
+    keep_until_look(by_board);
     return std::nullopt;
   }
   between_looks_.clear();  // they come from the board, and whether it lies still is the question
@@ -156,7 +163,7 @@ std::optional<glm::dmat3> RigTracker::follow(const Frame& frame, SeenAround arou
   const bool told = attitude_ && turned && turned->own_deviation() < kSureTurn;
   if (board_moves_) return moved;
   if (told && !moved)
-    between_looks_.push_back(by_board);
+    keep_until_look(by_board);
   else
     start(by_board, pictures);
   return moved;

@@ -77,6 +77,7 @@ class RigTracker {
   };
   Known known(const Tracked& pose, const Frame& frame) const;
   void start(const Known& known, const RigPictures& pictures);
+  void keep_until_look(const Known& known);
 
   Rig rig_;
   std::optional<Board> board_;
