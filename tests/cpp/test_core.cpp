@@ -329,6 +329,25 @@ TEST_CASE("a light is located however many others came and went before") {
   CHECK(glm::length(lights[0].position - lamp) < 0.02);
 }
 
+TEST_CASE("a light that is seen from the same places again is known no better") {
+  const glm::dvec3 lamp(0.5, 0.3, 1.2);
+  const auto spread = [&](int rounds) {
+    LightTracks tracks({0, 0, 0.05});
+    for (int k = 0; k < 10 * rounds; ++k) {
+      const glm::dvec3 eye(0.2 * std::cos(0.6 * (k % 10)), 0.2 * std::sin(0.6 * (k % 10)), 0.3);
+      const BrightSpot spot{glm::normalize(lamp - eye), 1e-3};
+      tracks.add(eye, std::span(&spot, 1), [](const glm::dvec3&) { return true; });
+    }
+    const std::vector<LightPosition> lights = tracks.positions();
+    REQUIRE(lights.size() == 1);
+    const glm::dmat3& m = lights[0].covariance;
+    return std::sqrt(m[0][0] + m[1][1] + m[2][2]);
+  };
+  const double once = spread(1), often = spread(40);
+  MESSAGE("metres after one round, and after 40: ", once, ", ", often);
+  CHECK(often > 0.95 * once);
+}
+
 TEST_CASE("an update of tiles gives these a new version, and others none") {
   CubeMap map(64);
   const std::vector<std::uint64_t> before(map.tile_versions().begin(), map.tile_versions().end());

@@ -123,10 +123,10 @@ void LightTracks::follow(const glm::dvec3& eye, std::span<const BrightSpot> spot
     if (track.matched || taken[pair.spot]) continue;
     track.matched = true, taken[pair.spot] = true, track.missed = track.away = 0;
     const Sight sighting{eye, spots[pair.spot].direction};
-    if (glm::length(eye - track.sightings.back().eye) < kSamePlace)
-      track.sightings.back() = sighting;
-    else
-      track.sightings.push_back(sighting);
+    // Seen again from where it was seen before, what is wrong with a sighting is wrong again.
+    std::erase_if(track.sightings,
+                  [&](const Sight& s) { return glm::length(eye - s.eye) < kSamePlace; });
+    track.sightings.push_back(sighting);
     if (track.sightings.size() > kSightings) track.sightings.erase(track.sightings.begin());
     track.solid_angle = spots[pair.spot].solid_angle;
     fit(track);
