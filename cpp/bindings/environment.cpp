@@ -152,7 +152,8 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
       .def_property_readonly(
           "confidence",
           [faces](const Environment& e) { return faces(e.confidence(), e.radiance.size()); },
-          "(6, n, n) float32 in [0, 1]; 0 where a texel was never seen. 1 / (1 + (d / 0.1)^2) where its "
+          "(6, n, n) float32 in [0, 1]; 0 where a texel was never seen. 1 / (1 + (d / 0.1)^2) "
+          "where its "
           "radiance is expected to be off by a share d (standard deviation), by noise and by age.")
       .def_property_readonly(
           "age", [faces](const Environment& e) { return faces(e.age(), e.radiance.size()); },

@@ -15,8 +15,8 @@ constexpr double kMostFade = 0.0004;
 // under changed light, that error must not stay.
 constexpr double kMostRest = 0.025;
 constexpr int kFadeSize = 24;  // texels of the cube that the difference is added to
-// The texels of this cube lie evenly between those of usual cubes, 8² to 32²: the error of a cube is
-// told within 25 %. At 6² texels it was told too low by up to 2.2 times.
+// The texels of this cube lie evenly between those of usual cubes, 8² to 32²: the error of a cube
+// is told within 25 %. At 6² texels it was told too low by up to 2.2 times.
 constexpr int kErrorSize = 9;
 
 std::array<glm::vec3, 9> irradiance_polynomial(const std::array<glm::dvec3, 9>& sh) {

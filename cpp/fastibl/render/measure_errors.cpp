@@ -300,8 +300,8 @@ struct ErrorMeasurement::Work {
   void find_truth() {
     flux.emplace(*map, samples);
     bright.emplace(*map, samples, *flux);
-    judged.emplace(Judged{
-        samples, material, true_light(*map, samples, *flux, *bright, material.lobe()), {}, {}, {}, {}});
+    TrueLight truth = true_light(*map, samples, *flux, *bright, material.lobe());
+    judged.emplace(Judged{samples, material, std::move(truth), {}, {}, {}, {}});
   }
 
   void read_material() {
