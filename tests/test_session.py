@@ -500,6 +500,16 @@ def test_after_a_time_that_was_far_off_frames_are_told_apart(slip):
         assert age[np.isfinite(age)].max() == pytest.approx(0.25, abs=1e-3)
 
 
+@pytest.mark.parametrize("slip", [1e12, 1e18, 1e30])
+def test_a_time_that_slips_does_not_run_backwards(slip):
+    """It leaves no digits for what went before it; frames of that time, and later ones, are taken all the same."""
+    session = fastibl.Session(ball(), RIG, size=8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for time in (1.0, slip, slip, np.nextafter(slip, np.inf), 2 * slip):
+            assert session.process(given(time, back=BACK, back_exposure=1.0)).image.shape == BACK.shape
+
+
 def test_times_that_do_not_go_on_are_told():
     session, lit = fastibl.Session(ball(), RIG, size=8), fastibl.Session(ball(), RIG, environment=WHITE)
     with warnings.catch_warnings():
