@@ -233,16 +233,6 @@ double distance_of(const std::array<double, 36>& covariance, const std::array<do
   return distance;
 }
 
-// Adds to the covariance that the pose may as well be another one: half of the squared difference.
-void add_doubt(const Pose& other, Tracked& tracked) {
-  const Pose& pose = tracked.camera_from_marker;
-  const glm::dvec3 turn = rotation_vector(other.rotation * glm::transpose(pose.rotation)),
-                   shift = other.translation - pose.translation;
-  const std::array<double, 6> off{turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
-  for (std::size_t i = 0; i < 6; ++i)
-    for (std::size_t k = 0; k < 6; ++k) tracked.covariance[6 * i + k] += 0.5 * off[i] * off[k];
-}
-
 // Refines a pose by the light of the pixels at the edges of tags that are not hidden. Leaves it as
 // it is where that contradicts the edges, and returns what the pixels say.
 std::optional<Pose> refine(const LightReader& light, const BoardPattern& pattern,
@@ -405,7 +395,7 @@ std::optional<Tracked> EdgeModel::track(ImageView<const std::uint8_t> picture, c
       tracked.residual_px = more->residual;
     }
   }
-  if (contrary) add_doubt(*contrary, tracked);
+  if (contrary) add_difference(*contrary, 0.5, tracked);  // it may as well be that one
   // White that has grown unevenly lies beside its places, too.
   tracked.misfit_px = board_misfit(near.points, *fit, fit->growth == 0 ? variance : 1);
   add_misfit(*fit, tracked);

@@ -49,16 +49,6 @@ EdgeTracker::EdgeTracker(const Board& board, const Camera& camera, EdgeTrackingO
 
 namespace {
 
-// Adds to the covariance of a pose that stays behind the measured one.
-void add_lag(const Pose& measured, Tracked& tracked) {
-  const Pose& shown = tracked.camera_from_marker;
-  const glm::dvec3 turn = rotation_vector(measured.rotation * glm::transpose(shown.rotation)),
-                   shift = measured.translation - shown.translation;
-  const std::array<double, 6> lag{turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
-  for (std::size_t i = 0; i < 6; ++i)
-    for (std::size_t k = 0; k < 6; ++k) tracked.covariance[6 * i + k] += lag[i] * lag[k];
-}
-
 // Gives a pose another rotation about the camera's place.
 void turn_about_camera(Pose& pose, const glm::dmat3& rotation) {
   pose.translation = rotation * (glm::transpose(pose.rotation) * pose.translation);
@@ -118,7 +108,7 @@ void EdgeTracker::smooth(Tracked& tracked, double time) {
     const double step = time - shown_->time;
     // The pose lags behind a steady motion by the time constant, whatever the rate.
     tracked.camera_from_marker = between(shown_->pose, pose, step / (options_.smoothing + step));
-    add_lag(pose, tracked);
+    add_difference(pose, 1, tracked);  // it stays behind the measured one
     if (tracked.last_row)
       tracked.last_row = *tracked.last_row * pose.inverse() * tracked.camera_from_marker;
   }

@@ -305,6 +305,15 @@ std::optional<Tracked> fit_tags(const Detection& detection, const Measured& meas
 
 }  // namespace
 
+void add_difference(const Pose& other, double share, Tracked& tracked) {
+  const Pose& pose = tracked.camera_from_marker;
+  const glm::dvec3 turn = rotation_vector(other.rotation * glm::transpose(pose.rotation)),
+                   shift = other.translation - pose.translation;
+  const std::array<double, 6> off{turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t k = 0; k < 6; ++k) tracked.covariance[6 * i + k] += share * off[i] * off[k];
+}
+
 std::optional<Tracked> track(const Detection& detection, const Board& board, const Camera& camera,
                              const TrackingOptions& options) {
   return fit_tags(detection, {}, board, camera, options);

@@ -48,6 +48,9 @@ struct Tracked {
   bool operator==(const Tracked&) const = default;
 };
 
+// Adds to the covariance that the pose may be another one: a share of their squared difference.
+void add_difference(const Pose& other, double share, Tracked& tracked);
+
 // Nothing when no tag of the board is seen, when the tags agree on no pose (wrong ids), or when the
 // board would be behind the camera or seen from its back. Ids that are not on the board or are seen
 // twice are ignored, and so are tags that disagree with the others.
