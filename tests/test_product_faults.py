@@ -497,14 +497,19 @@ def test_all_cores_that_may_be_used_are_where_nothing_is_said(most):
     assert int(process.communicate(timeout=60)[0]) == len(allowed)
 
 
-@LINUX
-def test_a_process_forked_with_threads_neither_hangs_nor_differs():
-    process = python(FORK, start_new_session=True)
+def ends_well(code):
+    """Runs a program that forks; nothing of it is left behind, also where it hangs."""
+    process = python(code, start_new_session=True)
     try:
         assert process.wait(60) == 0
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+
+
+@LINUX
+def test_a_process_forked_with_threads_neither_hangs_nor_differs():
+    ends_well(FORK)
 
 
 FORK_AT_WORK = """
@@ -538,9 +543,4 @@ sys.exit(code)
 
 @LINUX
 def test_a_process_forked_while_a_session_is_at_work_does_not_hang():
-    process = python(FORK_AT_WORK, start_new_session=True)
-    try:
-        assert process.wait(60) == 0
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
+    ends_well(FORK_AT_WORK)
