@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import CubeMap, texel_directions, texel_solid_angles
+from .axes import turned
 from .expected import expect
 
 _PARTS = 4  # along a texel's edge
@@ -26,8 +27,6 @@ def rotate_map(cube: CubeMap, rotation: ArrayLike | float) -> CubeMap:
     r = _matrix(rotation)
     axes = np.rint(r)
     if np.abs(r - axes).max() < 1e-7:
-        from .axes import turned
-
         return turned(cube, axes.astype(int))
     n = cube.size
     directions = texel_directions(_PARTS * n) @ r.astype(np.float32)  # r.T @ d of each
