@@ -20,7 +20,7 @@ MATERIALS = {
     "metal, exponent 128": fastibl.Material((0, 0, 0), (0.8, 0.8, 0.8), 128),
     "mirror": fastibl.Material((0, 0, 0), (0.8, 0.8, 0.8), np.inf),
 }
-METRIC = "RMS of the object's pixels; seconds of shading"
+METRIC = "RMS of the drawn object; seconds of shading"
 _WHITE = 0.35 / (0.5 / np.pi)  # irradiances of the plane: a table of albedo 0.5 lies at 0.35 of white
 
 
