@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -62,7 +61,7 @@ SharpLobe::SharpLobe(const CubeMap& map, const SceneSamples& samples, const Samp
     : map_(map),
       samples_(samples),
       flux_(flux),
-      height_(lobe, std::numeric_limits<float>::infinity()),
+      height_(lobe),
       width_(width_of(lobe)),
       mirror_(width_ < 0.5f * kFaceAngle / float(map.size())) {
   if (mirror_) return;

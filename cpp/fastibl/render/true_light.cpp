@@ -126,8 +126,7 @@ TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const Samp
   }
   static_assert(BrightPieces::kCount % kLanes == 0);
   const bool sharp = lobe && lobe->exponent > SharpLobe::kSharpest;
-  const LobeHeight none(std::nullopt, 0),
-      height = sharp ? none : LobeHeight(lobe, SharpLobe::kSharpest);
+  const LobeHeight none(std::nullopt), height = sharp ? none : LobeHeight(lobe);
   const LitDirections coarse{x.data(),
                              y.data(),
                              z.data(),

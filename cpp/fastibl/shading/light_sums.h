@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "fastibl/core/vector.h"
@@ -17,9 +18,9 @@ struct LobeHeight {
   float exponent = 0, alpha2 = 0, f0 = 1;
   float least = 0;  // n·h: below it the lobe is under 1e-4 of its peak
 
-  // Lobes sharper than exponent `sharpest` fall between the directions: that exponent is used for
-  // them.
-  LobeHeight(const std::optional<LobeShape>& shape, float sharpest);
+  // Lobes sharper than exponent `sharpest` are taken to have that exponent.
+  explicit LobeHeight(const std::optional<LobeShape>& shape,
+                      float sharpest = std::numeric_limits<float>::infinity());
 };
 
 // Directions one after the other, padded to whole Lanes: unit vectors, and the radiance of each
