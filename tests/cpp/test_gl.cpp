@@ -41,7 +41,7 @@ struct Inputs {
   Picture back;
 
   RenderInput input() const {
-    return {scene, methods, lighting, camera, camera_from_marker, back, 1.0};
+    return {scene, methods, lighting, &camera, camera_from_marker, back, 1.0};
   }
 };
 

@@ -25,7 +25,7 @@ struct RenderInput {
   const Scene& scene;
   const Methods& methods;
   const Lighting& lighting;
-  const Camera& camera;
+  const Camera* camera;  // never null
   const Pose& camera_from_marker;
   const Picture& back;  // empty: the object on transparent
   double exposure;

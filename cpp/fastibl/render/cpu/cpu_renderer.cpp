@@ -31,12 +31,12 @@ class CpuRenderer final : public Renderer {
       case PassId::shade: {
         shaded_ = 0;
         if (in.supersampling == 1) {
-          draw(in, in.camera, object_, holdout_);
+          draw(in, *in.camera, object_, holdout_);
           return;
         }
         object_ = {}, holdout_ = {};
         ObjectLayer object, holdout;
-        for (const Strip& strip : strips_of(in.camera, in.supersampling)) {
+        for (const Strip& strip : strips_of(*in.camera, in.supersampling)) {
           draw(in, strip.camera, object, holdout);
           add_strip(strip, object, object_), add_strip(strip, holdout, holdout_);
         }
@@ -47,7 +47,7 @@ class CpuRenderer final : public Renderer {
           plane_.emplace(in.plane_gain ? *in.plane_gain : shadow_);
           plane_of_ = in.plane_gain;
         }
-        if (!pixels_ || pixels_->camera != in.camera) pixels_.emplace(in.camera);
+        if (!pixels_ || pixels_->camera != *in.camera) pixels_.emplace(*in.camera);
         if (in.back.empty())
           image_ = matte(in.exposure, *pixels_, in.camera_from_marker, object_, *plane_, holdout_);
         else

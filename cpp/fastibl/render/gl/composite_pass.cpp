@@ -70,7 +70,7 @@ void CompositePass::show(const Picture& back, const Camera& camera) {
 
 void CompositePass::run(Gpu& gpu, const ShadowPass& shadow, const ShadePass& shade,
                         const RenderInput& in) {
-  const Camera& camera = in.camera;
+  const Camera& camera = *in.camera;
   upload_gain(gpu, in.plane_gain);
   const ShadowMap& place = gain_map_ ? *gain_map_ : shadow.place();
   const Area& object_area = shade.area();

@@ -33,7 +33,7 @@ class Gl final : public GlRenderer {
         shade_.run(gpu_, light_, in);
         break;
       case PassId::composite:
-        check(!texture_camera_ || in.camera == *texture_camera_,
+        check(!texture_camera_ || *in.camera == *texture_camera_,
               "over a texture's picture, only its own camera draws");
         composite_.run(gpu_, shadow_, shade_, in);
         break;

@@ -62,24 +62,6 @@ Scene holdout_scene(const Scene& scene) {
   return real;
 }
 
-// The same input for another camera.
-RenderInput drawn_by(const Camera& camera, const RenderInput& in) {
-  return {in.scene,
-          in.methods,
-          in.lighting,
-          camera,
-          in.camera_from_marker,
-          in.back,
-          in.exposure,
-          in.light_shares,
-          in.plane_gain,
-          in.holdout_ratios,
-          in.self_shares,
-          in.cell_light,
-          in.shades_alike_as_one,
-          in.supersampling};
-}
-
 Pose camera_from_object(const RenderInput& in) {
   return in.camera_from_marker * in.scene.marker_from_object;
 }
@@ -109,18 +91,20 @@ void set_surroundings(const Program& p, const Lighting& lighting) {
 void set_projection(const Program& p, const RenderInput& in, const Pose& pose) {
   set(p, "camera_from_object", glm::mat3(pose.rotation));
   set(p, "camera_from_object_shift", glm::vec3(pose.translation));
-  set_camera(p, in.camera);
+  set_camera(p, *in.camera);
 }
 
 }  // namespace
 
 void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   scale_ = in.supersampling;  // or less, where a texture could not hold the picture
-  while (scale_ > 1 && std::max(in.camera.width, in.camera.height) * scale_ > gpu.largest())
+  while (scale_ > 1 && std::max(in.camera->width, in.camera->height) * scale_ > gpu.largest())
     --scale_;
   if (scale_ == 1) return draw(gpu, light, in);
-  const Camera large = enlarged(in.camera, scale_);
-  draw(gpu, light, drawn_by(large, in));
+  const Camera large = enlarged(*in.camera, scale_);
+  RenderInput larger = in;
+  larger.camera = &large;
+  draw(gpu, light, larger);
   reduce(gpu);
 }
 
@@ -144,7 +128,7 @@ void ShadePass::average(Gpu& gpu, const Texture& large, Texture& mean) {
 void ShadePass::draw(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   mesh_.upload(gpu, in.scene);
   mesh_.upload_shares(gpu, in.scene, in.light_shares);
-  const Outline outline = outline_of(mesh_.mesh(), in.camera, camera_from_object(in));
+  const Outline outline = outline_of(mesh_.mesh(), *in.camera, camera_from_object(in));
   area_ = outline.area;
   has_holdout_ = in.scene.has_holdouts();
   Outline around = outline, holdout;
@@ -152,7 +136,7 @@ void ShadePass::draw(Gpu& gpu, LightTextures& light, const RenderInput& in) {
     const Scene real = holdout_scene(in.scene);
     holdout_mesh_.upload(gpu, real);
     holdout_mesh_.upload_shares(gpu, real, in.holdout_ratios);
-    holdout = outline_of(holdout_mesh_.mesh(), in.camera, in.camera_from_marker);
+    holdout = outline_of(holdout_mesh_.mesh(), *in.camera, in.camera_from_marker);
     has_holdout_ = !holdout.area.empty();
   }
   if (has_holdout_) {
@@ -186,9 +170,10 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
   if (visible_.width != columns || visible_.height != rows) gpu.allocate_depth(columns, rows);
   gpu.allocate(visible_, GL_RGBA32UI, columns, rows, GL_RGBA_INTEGER, GL_UNSIGNED_INT);
   MeshBuffers::Corners own, real;
-  if (!outline.area.empty()) own = mesh_.use(gpu, in.camera, camera_from_object(in), outline.whole);
-  if (has_holdout_) real = holdout_mesh_.use(gpu, in.camera, in.camera_from_marker, holdout.whole);
-  const Program& p = gpu.use("visibility", {distortion(in.camera)});
+  if (!outline.area.empty())
+    own = mesh_.use(gpu, *in.camera, camera_from_object(in), outline.whole);
+  if (has_holdout_) real = holdout_mesh_.use(gpu, *in.camera, in.camera_from_marker, holdout.whole);
+  const Program& p = gpu.use("visibility", {distortion(*in.camera)});
   glUniform4f(p.uniform("area"), float(area_.x0), float(area_.y0), float(width), float(height));
   const double n = around.nearest, f = around.farthest;
   glUniform2f(p.uniform("depth"), float((f + n) / (f - n)), float(-2 * f * n / (f - n)));
@@ -232,7 +217,7 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   const Program& p =
       gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
                         "GLOSSY " + std::to_string(int(glossy)), paper ? "PAPER 1" : "PAPER 0",
-                        "HOLDOUT 0", colors(in.scene), box(in.lighting), distortion(in.camera)});
+                        "HOLDOUT 0", colors(in.scene), box(in.lighting), distortion(*in.camera)});
   set_surroundings(p, in.lighting);
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
@@ -306,7 +291,7 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
                 has("ROUGHNESS_MAP", m.roughness_map != nullptr),
                 has("EMISSION_MAP", m.emission_map != nullptr),
                 has("NORMAL_MAP", m.normal_map != nullptr), has("ANISOTROPIC", m.anisotropy > 0),
-                colors(in.scene), box(in.lighting), distortion(in.camera)});
+                colors(in.scene), box(in.lighting), distortion(*in.camera)});
   set_surroundings(p, in.lighting);
   set_irradiance(gpu, light, p, variant, e);
   glUseProgram(p.id());
@@ -352,7 +337,7 @@ void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p,
 void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
   gpu.allocate(holdout_, GL_RGBA32F, visible_.width, visible_.height, GL_RGBA, GL_FLOAT);
   const Program& p = gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "COLORS 0",
-                                       "BOX 0", distortion(in.camera)});
+                                       "BOX 0", distortion(*in.camera)});
   set_projection(p, in, in.camera_from_marker);
   gpu.bind("visible", visible_);
   holdout_mesh_.bind(gpu);
