@@ -16,5 +16,6 @@ from . import (  # noqa: F401
     sweep,
     tracking,
     turning,
+    unmetered,
     wide,
 )

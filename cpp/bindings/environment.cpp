@@ -167,8 +167,8 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
       .def_property_readonly(
           "predicted_interval",
           [](const Environment& e) { return py::make_tuple(e.predicted_low, e.predicted_high); },
-          "(low, high): an interval that holds that error nine times in ten: of films with a "
-          "board, told exposures and continuous capture. Without these it is too narrow.")
+          "(low, high): an interval that holds that error nine times in ten, with a board in view "
+          "or without one, of films and of single pictures whose exposures are told.")
       .def_property_readonly(
           "plane_irradiance",
           [](const Environment& e) -> py::object {
@@ -183,6 +183,7 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
             py::dict out;
             out["unseen_sky"] = e.knowledge.unseen_sky;
             out["unseen_flux"] = e.knowledge.unseen_flux;
+            out["guessed_plane"] = e.knowledge.guessed_plane;
             out["bound_flux"] = e.knowledge.bound_flux;
             out["parallax"] = e.knowledge.parallax;
             out["parallax_doubt"] = e.knowledge.parallax_doubt;
@@ -192,8 +193,9 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
             return out;
           },
           "What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the "
-          "light, unseen_flux is in what was never seen, and prior_flux is the part of that taken "
-          "from an earlier map. Of the light above the horizon, bound_flux is known as a lower "
+          "light, unseen_flux is in what was never seen; prior_flux is the part of that taken from "
+          "an earlier map, and guessed_plane that in a plane of which little was seen. Of the "
+          "light above the horizon, bound_flux is known as a lower "
           "bound "
           "only; boosted_flux clipped and was put back (see Capture's most_boost). Of the "
           "irradiance, parallax is put in the wrong place because things are near, as far as their "

@@ -589,7 +589,7 @@ class Environment:
     @property
     def knowledge(self) -> dict:
         """
-        What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the light, unseen_flux is in what was never seen, and prior_flux is the part of that taken from an earlier map. Of the light above the horizon, bound_flux is known as a lower bound only; boosted_flux clipped and was put back (see Capture's most_boost). Of the irradiance, parallax is put in the wrong place because things are near, as far as their lights tell; parallax_doubt may be put wrong as well, since little was seen of how near things are. scale is the share by which all of it may be wrong where a camera never told an exposure, as the board's white says.
+        What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the light, unseen_flux is in what was never seen; prior_flux is the part of that taken from an earlier map, and guessed_plane that in a plane of which little was seen. Of the light above the horizon, bound_flux is known as a lower bound only; boosted_flux clipped and was put back (see Capture's most_boost). Of the irradiance, parallax is put in the wrong place because things are near, as far as their lights tell; parallax_doubt may be put wrong as well, since little was seen of how near things are. scale is the share by which all of it may be wrong where a camera never told an exposure, as the board's white says.
         """
     @property
     def light_positions(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -609,7 +609,7 @@ class Environment:
     @property
     def predicted_interval(self) -> tuple[float, float]:
         """
-        (low, high): an interval that holds that error nine times in ten: of films with a board, told exposures and continuous capture. Without these it is too narrow.
+        (low, high): an interval that holds that error nine times in ten, with a board in view or without one, of films and of single pictures whose exposures are told.
         """
     @property
     def radiance(self) -> CubeMap:

@@ -14,7 +14,13 @@ namespace {
 
 constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
 constexpr std::size_t kTilesAhead = 2;  // whose rows are prefetched while a tile is written
+constexpr double kKnownPlane = 0.25;    // share of the plane's half that tells its albedo
 constexpr float kMovedBoost = 0.02f;    // share by which factors move before maps show it
+
+// How little of the plane was seen, 0 to 1, from the solid angle of its seen part.
+double little_of(double seen) {
+  return std::max(0.0, 1 - seen / (kKnownPlane * 2 * std::numbers::pi));
+}
 
 bool moved(const glm::vec3& from, const glm::vec3& to) {
   const glm::vec3 difference = glm::abs(to - from), limit = kMovedBoost * from;
@@ -80,14 +86,17 @@ void Capture::update_snapshot(Environment& snapshot) const {
   for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
 
   double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, up_flux = 0, flux = 0, fills = 0;
-  double from_prior = 0;
+  double from_prior = 0, plane_seen = 0, plane_fills = 0;
   for (int tile = 0; tile < grid_.count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     const TileSums& s = sums_[i];
     const double filled = filled_flux(i);
     const double all = s.flux.x + s.flux.y + s.flux.z + filled;
     seen += s.angle, bound += s.bound_angle, flux += all, fills += filled;
-    if (!unseen_.above(tile)) continue;
+    if (!unseen_.above(tile)) {
+      plane_seen += s.angle, plane_fills += filled;
+      continue;
+    }
     from_prior += has_prior(tile) ? filled : 0;
     up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux, up_flux += all;
   }
@@ -103,11 +112,13 @@ void Capture::update_snapshot(Environment& snapshot) const {
   const Parallax near = parallax();
   snapshot.knowledge = {1 - up_seen / up,
                         flux > 0 ? fills / flux : 1,
+                        flux > 0 ? little_of(plane_seen) * plane_fills / flux : 0,
                         up_flux > 0 ? bound_flux / up_flux : 0,
                         near.expected,
                         near.doubt,
                         flux > 0 ? from_prior / flux : 0,
                         up_flux > 0 ? boosted / up_flux : 0,
+                        plane_irradiance_.has_value(),
                         options_.most_boost > 1 && plane_irradiance_,
                         scale_error()};
   const ErrorInterval error = expected_error(snapshot.knowledge);

@@ -7,35 +7,59 @@ namespace fastibl {
 namespace {
 
 constexpr double kLeast = 0.001;  // of a map that was seen all over: registration, footprints
-constexpr double kBound = 0.5;    // of what is only a bound
-// kWeighed: the same where it was made as bright as the plane says. kBoosted: of the square of what
-// that added, as one reading does not tell where the light comes from. Fitted to films with one
-// exposure of the four places; see ./dev goals capture --only boost.
-constexpr double kWeighed = 0.2, kBoosted = 0.25;
 // Of the error that near things may cause beyond what is expected of them: in the upper end alone.
 constexpr double kDoubts = 0.8;
-constexpr double kLeastOfBounds = 0.2, kMostOfBounds = 2.5;  // times that: the interval's ends
+
+// Of the light of a plane of which little was seen: an albedo of 0.5 is assumed, or what a sliver
+// shows stands for all of it.
+constexpr double kGuessed = 0.35;
+
+// An error, and how far below and above it the truth may lie: the spread of its logarithm.
+struct Unseen {
+  double expected, below, above;
+};
+
+// The error by what was never seen. The less is unseen, the more it matters what that is.
+Unseen by_unseen(const MapKnowledge& known) {
+  const double sky = std::clamp(known.unseen_sky, 0.0, 1.0);
+  const double flux = std::clamp(known.unseen_flux, 0.0, 1.0);
+  if (known.metered)
+    return {0.36 * std::pow(sky + 0.01, 0.4) * std::pow(flux + 0.01, 1.7), 1.1 - 0.5 * sky,
+            0.9 - 0.57 * sky};
+  // Nothing tells how bright the rest of the sky is.
+  return {0.22 * std::pow(sky + 0.01, 1.3) + 0.36 * std::pow(flux, 2.6), 1.8 - 0.75 * sky,
+          1.3 - 0.75 * sky};
+}
+
+struct Bounds {
+  double expected, low, high;
+};
+
+// The error by what is only a bound, and its ends. above: the spread of the whole.
+Bounds by_bounds(const MapKnowledge& known, double above) {
+  const double share = known.bound_flux;
+  if (!known.metered) return {0.8 * share, 0.1 * share, 1.4 * share};
+  if (known.weighed) {
+    // Of the square of what was added: one reading does not tell where the light comes from.
+    const double error = 0.2 * share + 0.25 * known.boosted_flux * known.boosted_flux;
+    return {error, 0.2 * error, 2.5 * error};
+  }
+  // A sun that clips may be a small share of what is known, and most of the light.
+  return {0.5 * share, 0,
+          0.5 * share * std::exp(above) + 0.3 * std::sqrt(std::max(share - 0.001, 0.0))};
+}
 
 }  // namespace
 
 ErrorInterval expected_error(const MapKnowledge& known) {
   if (known.unseen_flux >= 1) return {};  // nothing was seen: nothing is known
-  const double sky = std::clamp(known.unseen_sky, 0.0, 1.0);
-  const double flux = std::clamp(known.unseen_flux, 0.0, 1.0);
-  const double unseen = 0.36 * std::pow(sky + 0.01, 0.4) * std::pow(flux + 0.01, 1.7);
+  const Unseen unseen = by_unseen(known);
+  const Bounds bounds = by_bounds(known, unseen.above);
   // What is only a bound, or near, may be wrong by that much, or not at all.
-  const double sure = unseen + kLeast;
-  const double boosted = known.boosted_flux * known.boosted_flux,
-               bounds = known.weighed ? kWeighed * known.bound_flux + kBoosted * boosted
-                                      : kBound * known.bound_flux;
-  const double open = sure + known.parallax + known.scale, expected = open + bounds;
-  const double doubt = kDoubts * known.parallax_doubt;
-  // Spread of its logarithm: the less is unseen, the more it matters what that is.
-  const double below = 1.1 - 0.5 * sky, above = 0.9 - 0.57 * sky;
-  if (!known.weighed)
-    return {expected, sure * std::exp(-below), expected * std::exp(above) + doubt};
-  return {expected, sure * std::exp(-below) + kLeastOfBounds * bounds,
-          open * std::exp(above) + kMostOfBounds * bounds + doubt};
+  const double sure = unseen.expected + kLeast,
+               open = sure + known.parallax + known.scale + kGuessed * known.guessed_plane;
+  return {open + bounds.expected, sure * std::exp(-unseen.below) + bounds.low,
+          open * std::exp(unseen.above) + bounds.high + kDoubts * known.parallax_doubt};
 }
 
 }  // namespace fastibl

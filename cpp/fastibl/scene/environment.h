@@ -69,13 +69,17 @@ class TexelTimes {
 struct MapKnowledge {
   double unseen_sky = 0;   // share of the solid angle above the horizon that was never seen
   double unseen_flux = 0;  // share of the map's light in what was never seen
-  double bound_flux = 0;   // share of the light above the horizon that is only a lower bound
+  // The part of that in a plane of which little was seen: by an albedo that is assumed, or by what
+  // a sliver shows.
+  double guessed_plane = 0;
+  double bound_flux = 0;  // share of the light above the horizon that is only a lower bound
   // Estimated share of the irradiance that is misplaced because near things are taken for far ones.
   double parallax = 0;
   double parallax_doubt = 0;  // may be misplaced as well: little was seen of how near things are
   double prior_flux = 0;      // share of the light that comes from an earlier map
   double boosted_flux = 0;    // share of the light above the horizon that clipped and was restored
-  bool weighed = false;       // lower bounds were compared with the light that the plane shows
+  bool metered = false;       // the light that falls on the plane was measured
+  bool weighed = false;       // lower bounds were compared with that
   // Relative error of all light where no exposure was told, as far as the plane shows it.
   double scale = 0;
 };
