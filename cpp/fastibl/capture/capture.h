@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fastibl/capture/boost_lights.h"
+#include "fastibl/capture/capture_options.h"
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_meter.h"
@@ -25,40 +26,11 @@
 #include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
-#include "fastibl/scene/board.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/pixel_reader.h"
 
 namespace fastibl {
-
-struct CaptureOptions {
-  int size = 128;              // face edge of the map in texels
-  std::optional<Board> board;  // its page is masked, and the plane there is filled from around it
-  glm::dvec3 centre{0, 0,
-                    0.05};  // metres, z > 0: where the object stands, from which the plane is seen
-  // Metres from `centre` to what is seen above the horizon: light from there is placed where the
-  // object sees it, not where the camera does. Infinite: all light is distant. std::nullopt: found
-  // from how pictures taken from several places differ, and infinite until then; once it is found,
-  // so are the walls of a room.
-  std::optional<double> distance;
-  std::optional<RoomBox> box;  // instead of `distance`: the room's walls, around `centre`
-  // Whether lights that several pictures show are triangulated and placed where the object sees
-  // them.
-  bool locate_lights = true;
-  // An earlier map of the place. Its sky stands for what no picture has seen, made as bright as the
-  // part that was seen says. Null for none.
-  std::shared_ptr<const CubeMap> prior;
-  // Whether pictures that are off by one factor all over are first taken for wrongly exposed: see
-  // ExposureDoubt. For perspective cameras.
-  bool doubt_exposures = false;
-  // Texels above the horizon that clipped in every exposure are made brighter, by at most this
-  // factor, until the map lights the plane as the board's white shows it; 1: not at all. For
-  // cameras with one exposure: see boost_of().
-  double most_boost = 1;
-  double paper_albedo = 0.85;  // of the board's white, which serves as a light meter
-  double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π
-};
 
 // Measures the environment: every picture updates the texels that it sees. Above the horizon light
 // comes from `distance`; below it a texel is the point of the opaque marker plane that `centre`
