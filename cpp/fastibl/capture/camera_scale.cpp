@@ -51,7 +51,8 @@ double Capture::scale_error() const {
       std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
     return 0;
   if (!plane_irradiance_) return 1;
-  const glm::dvec3 sky = seen_sky_irradiance() + unseen_.sky_irradiance(sums_, tile_projected_);
+  const glm::dvec3 sky =
+      map_.seen_sky_irradiance() + unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected);
   const double ratio = grey(sky) / grey(*plane_irradiance_);
   return std::isfinite(ratio) ? std::max(std::abs(ratio - 1), kMeterDeviation) : 1;
 }
@@ -91,13 +92,13 @@ std::optional<double> Capture::mending(double share, double factor, bool follow)
 }
 
 void Capture::mend_scale(std::vector<int>& changed) {
-  if (prior_ || boost_.any()) return;
+  if (prior_ || map_.boost.any()) return;
   double known = 0, assumed = 0, seen = 0, sky = 0;
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    if (!unseen_.above(tile)) continue;
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
+    if (!map_.above(tile)) continue;
     const std::size_t i = std::size_t(tile);
-    const TileSums& sums = sums_[i];
-    sky += tile_projected_[i], seen += sums.projected;
+    const TileSums& sums = map_.sums[i];
+    sky += map_.geometry.tile_projected[i], seen += sums.projected;
     (scales_[i] > 0 ? assumed : known) += grey(sums.irradiance);
   }
   if (!(assumed > 0)) return;
@@ -106,12 +107,12 @@ void Capture::mend_scale(std::vector<int>& changed) {
   if (!(factor > 0) || !std::isfinite(factor)) return;
   const std::optional<double> mend = mending(share, factor, assumed >= known);
   if (!mend) return;
-  const std::size_t stride = std::size_t(grid_.stride());
-  for (int tile = 0; tile < grid_.count(); ++tile) {
+  const std::size_t stride = std::size_t(map_.grid().stride());
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
     const std::size_t i = std::size_t(tile);
-    if (!unseen_.above(tile) || scales_[i] <= 0 || sums_[i].count == 0) continue;
-    scale_texels(state_, i * stride, tile_rect(grid_, tile).texels(), float(*mend));
-    sums_[i] = sum_of(tile);
+    if (!map_.above(tile) || scales_[i] <= 0 || map_.sums[i].count == 0) continue;
+    scale_texels(map_.state, i * stride, map_.geometry.texels(tile), float(*mend));
+    map_.sum(tile);
     changed.push_back(tile);
   }
   std::sort(changed.begin(), changed.end());

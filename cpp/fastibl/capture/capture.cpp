@@ -80,7 +80,7 @@ Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
   if (KnownWide* k = find_known(wide_cameras_, camera, number)) return *k;
   KnownWide& wide = wide_cameras_.emplace_back();
   wide.camera = camera, wide.number = number, wide.used = used_, wide.first = ++known_;
-  wide.sides = sides_of(camera, grid_.size);
+  wide.sides = sides_of(camera, map_.grid().size);
   for (const WideSide& side : wide.sides)
     wide.known.emplace_back(side.camera, side.vignette).side = true;
   return wide;
@@ -88,57 +88,26 @@ Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
 
 Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
-      grid_{options_.size},
-      outlines_(grid_),
-      surroundings_(outlines_,
+      map_(TileGrid{options_.size}),
+      surroundings_(map_.geometry.outlines,
                     {options_.centre, options_.distance.value_or(kInfinity), options_.box}),
       sweep_(options_.centre),
       tracks_(options_.centre),
-      state_(grid_),
-      sums_(std::size_t(grid_.count())),
-      unseen_(grid_, float(options_.plane_albedo)),
-      pyramids_(grid_),
-      quiet_(grid_) {
-  const std::size_t n = std::size_t(grid_.size), stride = std::size_t(grid_.stride()),
-                    tiles = std::size_t(grid_.count()), per_face = std::size_t(grid_.per_face());
-  const std::vector<double> angles = texel_solid_angles(grid_.size);
-  angles_.assign(per_face * stride, 0);
-  projected_.assign(tiles * stride, 0);
-  tile_angle_.assign(tiles, 0), tile_projected_.assign(tiles, 0);
-  for (std::size_t tile = 0; tile < tiles; ++tile) {
-    const FaceRect r = tile_rect(grid_, int(tile));
-    std::size_t i = 0;
-    for (int y = r.y0; y < r.y1; ++y)
-      for (int x = r.x0; x < r.x1; ++x, ++i) {
-        const double angle = angles[std::size_t(y) * n + std::size_t(x)];
-        const double z = glm::normalize(texel_direction(r.face, x, y, grid_.size)).z;
-        angles_[tile % per_face * stride + i] = float(angle);
-        projected_[tile * stride + i] = float(angle * std::abs(z));
-        tile_angle_[tile] += angle, tile_projected_[tile] += angle * std::abs(z);
-      }
-  }
-  const int width = grid_.widest();
-  for (int k = 0; k < 2; ++k) {
-    const int w = std::max(1, width - 1 + k);
-    for (std::size_t i = 0; i < stride; ++i) {
-      columns_[k].push_back(float(int(i) % w));
-      rows_[k].push_back(float(int(i) / w));
-    }
-  }
-  versions_.assign(tiles, new_tile_version());
+      unseen_(map_.grid(), float(options_.plane_albedo)) {
+  const std::size_t tiles = std::size_t(map_.grid().count());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
   scales_.assign(tiles, kNoScale);
   at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0), eyes_.assign(tiles, options_.centre);
   if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
-    prior_.emplace(*options_.prior, grid_);
+    prior_.emplace(*options_.prior, map_.grid());
     unseen_.give_sky();
-    for (int tile = 0; tile < grid_.count(); ++tile)
-      if (unseen_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
+    for (int tile = 0; tile < map_.grid().count(); ++tile)
+      if (map_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
     std::vector<int> all;
-    unseen_.update({}, sums_, tile_projected_, 0, true, all);
+    unseen_.update({}, map_.sums, map_.geometry.tile_projected, 0, true, all);
   }
-  for (int tile = 0; tile < grid_.count(); ++tile) refill(tile);
+  for (int tile = 0; tile < map_.grid().count(); ++tile) refill(tile);
 }
 
 Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
@@ -238,28 +207,28 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   const int bands = poses.rolling() ? kBands : 1;
   for (int band = 0; band < bands; ++band) {
     const Pose pose = poses.at(bands == 1 ? 0.0 : (band + 0.5) / bands);
-    texels.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, grid_.size);
-    halved.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, grid_.size / 2);
+    texels.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, map_.grid().size);
+    halved.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, map_.grid().size / 2);
   }
-  texels.front().find_tiles(outlines_, most_pixels_);
+  texels.front().find_tiles(map_.geometry.outlines, most_pixels_);
   if (poses.rolling()) {  // tiles that the picture shows at any time
     std::vector<float> most;
     for (const TexelView* view : {&texels[kBands / 2], &texels.back()}) {
-      view->find_tiles(outlines_, most);
+      view->find_tiles(map_.geometry.outlines, most);
       for (std::size_t i = 0; i < most.size(); ++i)
         most_pixels_[i] = std::max(most_pixels_[i], most[i]);
     }
   }
   tiles_.clear();
   float most = 0;
-  for (int tile = 0; tile < grid_.count(); ++tile)
+  for (int tile = 0; tile < map_.grid().count(); ++tile)
     if (most_pixels_[std::size_t(tile)] > 0) {
       tiles_.push_back(tile);
       most = std::max(most, most_pixels_[std::size_t(tile)]);
     }
   if (!plane)
     std::erase_if(tiles_, [&](int tile) {
-      return plane_seen_[std::size_t(tile)] != 0 && was_seen_whole(tile);
+      return plane_seen_[std::size_t(tile)] != 0 && map_.was_seen_whole(tile);
     });
   const glm::dvec3 eye = poses.at(0.5).inverse().translation;
   if (k.side) leave_out_far_tiles(eye);
@@ -283,7 +252,7 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   changed_.assign(tiles_.size(), 0);
   parallel_for(int(tiles_.size()), 8, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
-      if (i + 1 < end) prefetch_tile(tiles_[std::size_t(i) + 1]);
+      if (i + 1 < end) map_.prefetch(tiles_[std::size_t(i) + 1]);
       changed_[std::size_t(i)] = add_tile(view, tiles_[std::size_t(i)]);
     }
   });
@@ -291,28 +260,20 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
     if (changed_[i]) {
       changed.push_back(tiles_[i]);
       eyes_[std::size_t(tiles_[i])] = eye;
-      if (plane && !unseen_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
+      if (plane && !map_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
     }
   return true;
 }
 
-glm::dvec3 Capture::seen_sky_irradiance() const {
-  glm::dvec3 sum(0);
-  for (int tile = 0; tile < grid_.count(); ++tile)
-    if (unseen_.above(tile)) sum += sums_[std::size_t(tile)].irradiance;
-  return sum;
-}
-
 void Capture::distrust(const glm::dvec3& log_change) {
   const glm::dvec3 size = glm::abs(log_change);
-  fastibl::distrust(state_, std::max({size.x, size.y, size.z}));
+  fastibl::distrust(map_.state, std::max({size.x, size.y, size.z}));
   if (changes_.size() == kChanges) changes_.erase(changes_.begin());
   changes_.push_back({time_, log_change});
   const std::uint64_t version = new_tile_version();
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    relate_variances(state_, std::size_t(tile) * std::size_t(grid_.stride()),
-                     tile_rect(grid_, tile).texels());
-    versions_[std::size_t(tile)] = version;
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
+    relate_variances(map_.state, map_.geometry.start(tile), map_.geometry.texels(tile));
+    map_.versions[std::size_t(tile)] = version;
   }
 }
 
@@ -336,16 +297,16 @@ bool Capture::read_meter(const Picture& picture, KnownCamera& k, const RowPoses&
 }
 
 void Capture::find_bands(const std::vector<TexelView>& bands, float height) {
-  roll_.assign(std::size_t(grid_.count()), Roll{});
+  roll_.assign(std::size_t(map_.grid().count()), Roll{});
   if (bands.size() == 1) return;
-  const float step = 2.0f / float(grid_.size), count = float(bands.size());
+  const float step = 2.0f / float(map_.grid().size), count = float(bands.size());
   const float none[16] = {};
   for (const int tile : tiles_) {
-    const FaceRect r = tile_rect(grid_, tile);
+    const FaceRect r = tile_rect(map_.grid(), tile);
     const float s = 0.5f * step * float(r.x0 + r.x1) - 1, t = 0.5f * step * float(r.y0 + r.y1) - 1;
     const TexelGroup middle{r.face, s, t, 0, none, none, 1, 1, surroundings_.depth(tile)};
     const auto pixel_in = [&](int band) {
-      return bands[std::size_t(band)].pixel(middle, unseen_.above(tile));
+      return bands[std::size_t(band)].pixel(middle, map_.above(tile));
     };
     // These comparisons are false for NaN.
     const auto band_of = [&](float row) {
@@ -426,7 +387,7 @@ void Capture::leave_out_far_tiles(const glm::dvec3& eye) {
   const double distance = glm::length(eye - options_.centre);
   std::erase_if(tiles_, [&](int tile) {
     const double nearer = glm::length(eyes_[std::size_t(tile)] - options_.centre);
-    return unseen_.above(tile) && was_seen_whole(tile) &&
+    return map_.above(tile) && map_.was_seen_whole(tile) &&
            surroundings_.is_usual(surroundings_.depth(tile)) &&
            distance > kFarther * nearer + kFartherBy;
   });
@@ -436,10 +397,11 @@ void Capture::leave_out_quiet_tiles(const View& view) {
   // Groups that are seen alike: by band of rows, face and side of the horizon.
   std::vector<std::vector<int>> groups(12 * view.halved.size());
   for (const int tile : tiles_)
-    if (quiet_.may_leave_out(tile, time_) && surroundings_.is_usual(surroundings_.depth(tile))) {
-      const int group = 2 * (tile / grid_.per_face()) + unseen_.above(tile);
+    if (map_.quiet.may_leave_out(tile, time_) &&
+        surroundings_.is_usual(surroundings_.depth(tile))) {
+      const int group = 2 * (tile / map_.grid().per_face()) + map_.above(tile);
       groups[std::size_t(12 * roll_[std::size_t(tile)].band + group)].push_back(tile);
-      prefetch_items(quiet_.value(tile, 0), 6 * QuietTiles::kProbes);
+      prefetch_items(map_.quiet.value(tile, 0), 6 * QuietTiles::kProbes);
     }
   constexpr int kTiles = kTexelLanes / QuietTiles::kProbes;
   struct Part {
@@ -451,7 +413,7 @@ void Capture::leave_out_quiet_tiles(const View& view) {
     for (int i = 0; i < int(group.size()); i += kTiles)
       parts.push_back({&group[std::size_t(i)], std::min(kTiles, int(group.size()) - i)});
   if (parts.empty()) return;
-  left_out_.assign(std::size_t(grid_.count()), 0);
+  left_out_.assign(std::size_t(map_.grid().count()), 0);
   parallel_for(int(parts.size()), 2, [&](int begin, int end) {
     for (int i = begin; i < end; ++i) {
       const Part& part = parts[std::size_t(i)];
@@ -463,20 +425,21 @@ void Capture::leave_out_quiet_tiles(const View& view) {
 
 void Capture::compare_probes(const View& view, const int* tiles, int count) {
   constexpr int kProbes = QuietTiles::kProbes;
-  const int lanes = count * kProbes, face = tiles[0] / grid_.per_face(), half = grid_.size / 2;
+  const int lanes = count * kProbes, face = tiles[0] / map_.grid().per_face(),
+            half = map_.grid().size / 2;
   alignas(64) float columns[kTexelLanes], rows[kTexelLanes], values[3][kTexelLanes],
       rough[3][kTexelLanes];
   for (int t = 0; t < count; ++t) {
-    const FaceRect r = tile_rect(grid_, tiles[t]);
+    const FaceRect r = tile_rect(map_.grid(), tiles[t]);
     QuietTiles::Place probes[kProbes];
-    quiet_.places(tiles[t], probes);
+    map_.quiet.places(tiles[t], probes);
     for (int p = 0; p < kProbes; ++p) {
       columns[t * kProbes + p] = float(r.x0 / 2 + probes[p].x);
       rows[t * kProbes + p] = float(r.y0 / 2 + probes[p].y);
     }
     for (int c = 0; c < 3; ++c) {
-      std::copy_n(quiet_.value(tiles[t], c), kProbes, &values[c][t * kProbes]);
-      std::copy_n(quiet_.rough(tiles[t], c), kProbes, &rough[c][t * kProbes]);
+      std::copy_n(map_.quiet.value(tiles[t], c), kProbes, &values[c][t * kProbes]);
+      std::copy_n(map_.quiet.rough(tiles[t], c), kProbes, &rough[c][t * kProbes]);
     }
   }
   const float first = 1.0f / float(half) - 1;
@@ -484,7 +447,7 @@ void Capture::compare_probes(const View& view, const int* tiles, int count) {
                          rows, lanes, lanes, surroundings_.depth(tiles[0])};
   Sightings sightings;
   const TexelView& halved = view.halved[std::size_t(roll_[std::size_t(tiles[0])].band)];
-  if (!halved.see(group, unseen_.above(tiles[0]), sightings)) return;
+  if (!halved.see(group, map_.above(tiles[0]), sightings)) return;
   for (int t = 0; t < count; ++t)
     unroll(view.known.camera, roll_[std::size_t(tiles[t])], t * kProbes, kProbes, sightings);
   Samples samples;
@@ -496,27 +459,15 @@ void Capture::compare_probes(const View& view, const int* tiles, int count) {
   for (int t = 0; t < count; ++t) {
     const int tile = tiles[t], at = t * kProbes;
     left_out_[std::size_t(tile)] =
-        quiet_.leave_out(tile, sighting(view, tile, sightings, samples, at, kProbes),
-                         &sightings.seen[at], &deviance[at]);
+        map_.quiet.leave_out(tile, sighting(view, tile, sightings, samples, at, kProbes),
+                             &sightings.seen[at], &deviance[at]);
   }
-}
-
-void Capture::prefetch_tile(int tile) const {
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride()),
-                    count = std::size_t(grid_.stride());
-  for (int c = 0; c < 3; ++c) {
-    prefetch_items(&state_.value[c][start], count);
-    prefetch_items(&state_.variance[c][start], count);
-  }
-  prefetch_items(&state_.bound[start], count);
-  prefetch_items(&state_.relative[start], count);
-  prefetch_items(&projected_[start], count);
 }
 
 bool Capture::leave_out_seen(int tile, int first, int count, Sightings& sightings) const {
   int left = 0;
   for (int i = 0; i < count; ++i) {
-    sightings.seen[i] &= state_.last_seen.at(tile, first + i) == kNever;
+    sightings.seen[i] &= map_.state.last_seen.at(tile, first + i) == kNever;
     left += sightings.seen[i];
   }
   return left > 0;
@@ -524,11 +475,8 @@ bool Capture::leave_out_seen(int tile, int first, int count, Sightings& sighting
 
 // Takes what the picture shows of a tile; true if it shows any of its texels.
 bool Capture::add_tile(const View& view, int tile) {
-  const FaceRect r = tile_rect(grid_, tile);
-  const int table = r.width() == grid_.widest() ? 1 : 0;
-  const float step = 2.0f / float(grid_.size);
-  const auto first = [&](int i) { return float((2.0 * i + 1) / grid_.size - 1); };
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const int all = map_.geometry.texels(tile);
+  const std::size_t start = map_.geometry.start(tile);
   Sightings sightings;
   Samples samples;
   const TexelView& texels = view.texels[std::size_t(roll_[std::size_t(tile)].band)];
@@ -537,17 +485,9 @@ bool Capture::add_tile(const View& view, int tile) {
   float unsure[QuietTiles::kProbes];
   std::fill_n(unsure, QuietTiles::kProbes, -1.0f);
   TileSighting shown{};
-  for (int k = 0; k < r.texels(); k += kTexelLanes) {
-    const int count = std::min(kTexelLanes, r.texels() - k);
-    const TexelGroup group{r.face,
-                           first(r.x0),
-                           first(r.y0),
-                           step,
-                           &columns_[table][std::size_t(k)],
-                           &rows_[table][std::size_t(k)],
-                           count,
-                           r.width(),
-                           surroundings_.depth(tile)};
+  for (int k = 0; k < all; k += kTexelLanes) {
+    const int count = std::min(kTexelLanes, all - k);
+    const TexelGroup group = map_.geometry.group(tile, k, count, surroundings_.depth(tile));
     if (!texels.see(group, sightings)) {
       whole = false;
       continue;
@@ -565,45 +505,21 @@ bool Capture::add_tile(const View& view, int tile) {
     whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
     alignas(64) float left[kTexelLanes];
     // Single texels need times of their own where not all are seen, or not all at once.
-    const bool once = count == r.texels() && whole && state_.last_seen.same(tile);
-    merge_samples(state_, start + std::size_t(k), count, sightings, samples, view.known.noise,
-                  time_, once ? nullptr : state_.last_seen.texels(tile) + k,
-                  state_.last_seen.at(tile, 0), left);
-    quiet_.add_blocks(k, count, left, unsure);
+    const bool once = count == all && whole && map_.state.last_seen.same(tile);
+    merge_samples(map_.state, start + std::size_t(k), count, sightings, samples, view.known.noise,
+                  time_, once ? nullptr : map_.state.last_seen.texels(tile) + k,
+                  map_.state.last_seen.at(tile, 0), left);
+    map_.quiet.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
   if (view.light < 1) at_rim_[std::size_t(tile)] = rim;  // otherwise white is no light
-  TileSums& sums = sums_[std::size_t(tile)];
-  if (whole) state_.last_seen.set(tile, time_);
-  relate_variances(state_, start, r.texels());
-  sums = sum_of(tile);
-  quiet_.took(tile, shown, unsure, whole, sums.bound_angle > 0);
-  if (sums.count == r.texels()) make_levels(tile);
+  if (whole) map_.state.last_seen.set(tile, time_);
+  relate_variances(map_.state, start, all);
+  map_.sum(tile);
+  const TileSums& sums = map_.sums[std::size_t(tile)];
+  map_.quiet.took(tile, shown, unsure, whole, sums.bound_angle > 0);
+  if (sums.count == all) map_.make_levels(tile);
   return true;
-}
-
-const float* Capture::angles_of(int tile) const {
-  return &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())];
-}
-
-TileSums Capture::sum_of(int tile) const {
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  return sum_tile(state_, start, tile_rect(grid_, tile).texels(), state_.last_seen.own(tile),
-                  angles_of(tile), &projected_[start]);
-}
-
-std::vector<double> Capture::last_seen() const {
-  const std::size_t n = std::size_t(grid_.size);
-  std::vector<double> out(6 * n * n);
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    const FaceRect r = tile_rect(grid_, tile);
-    int from = 0;
-    for (int y = r.y0; y < r.y1; ++y)
-      for (int x = r.x0; x < r.x1; ++x)
-        out[(std::size_t(r.face) * n + std::size_t(y)) * n + std::size_t(x)] =
-            state_.last_seen.at(tile, from++);
-  }
-  return out;
 }
 
 }  // namespace fastibl

@@ -1,27 +1,23 @@
 // From camera pictures with known poses to the light of the place.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
 
-#include "fastibl/capture/boost_lights.h"
 #include "fastibl/capture/capture_options.h"
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/light_meter.h"
 #include "fastibl/capture/light_tracks.h"
+#include "fastibl/capture/map_tiles.h"
 #include "fastibl/capture/next_exposure.h"
 #include "fastibl/capture/prior_map.h"
-#include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/sphere_sweep.h"
 #include "fastibl/capture/surroundings.h"
-#include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/texel_view.h"
-#include "fastibl/capture/tile_pyramids.h"
 #include "fastibl/capture/unseen.h"
 #include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
@@ -89,7 +85,7 @@ class Capture {
   // as a whole, so that the sky lights the board as its white says.
   int mended() const { return mended_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
-  std::vector<double> last_seen() const;
+  std::vector<double> last_seen() const { return map_.last_seen(); }
 
  private:
   struct KnownCamera {
@@ -169,15 +165,11 @@ class Capture {
   // The factor for that, if it is known: `factor` where more of the sky was seen than before, else
   // its change if that may be believed. share: of the sky that was seen.
   std::optional<double> mending(double share, double factor, bool follow);
-  glm::dvec3 seen_sky_irradiance() const;  // of the plane
   // True if the picture shows the board's white well enough.
   bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
                   const Taken& taken);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
   void boost_lights(std::vector<int>& shown);
-  glm::dvec3 boosted_flux() const;
-  // The tile's texels by channel, as maps have them; boosted ones are written to `room`.
-  std::array<const float*, 3> shown_texels(int tile, std::vector<float>& room) const;
   // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
@@ -196,7 +188,7 @@ class Capture {
   // Flux of the part of a tile that was not seen, summed over RGB.
   double filled_flux(std::size_t tile) const {
     const glm::dvec3 fill(filled_[tile]);
-    return (tile_angle_[tile] - sums_[tile].angle) * (fill.x + fill.y + fill.z);
+    return (map_.geometry.tile_angle[tile] - map_.sums[tile].angle) * (fill.x + fill.y + fill.z);
   }
   struct Parallax {
     double expected = 0, doubt = 0;  // of the irradiance
@@ -207,9 +199,6 @@ class Capture {
   bool forget_bright(int tile);
   // Removes from tiles_ the tiles that the picture need not give.
   void leave_out_quiet_tiles(const View& view);
-  bool was_seen_whole(int tile) const {
-    return sums_[std::size_t(tile)].count == tile_rect(grid_, tile).texels();
-  }
   // Removes tiles of the sky that were seen whole from much nearer to the centre than `eye` is.
   void leave_out_far_tiles(const glm::dvec3& eye);
   void compare_probes(const View& view, const int* tiles, int count);
@@ -229,11 +218,7 @@ class Capture {
   // Leaves out texels of a tile that any picture showed; false if none is left.
   bool leave_out_seen(int tile, int first, int count, Sightings& sightings) const;
   bool add_tile(const View& view, int tile);
-  // Prefetch memory that will soon be worked on.
-  void prefetch_tile(int tile) const;
   void prefetch_rows(int tile, const CubeMap& map) const;
-  const float* angles_of(int tile) const;  // solid angles of its texels
-  TileSums sum_of(int tile) const;
   void renew_all();  // in move_map.cpp
   // In refill_map.cpp. What follows from tiles that changed; refills: see refills_after().
   void take_changes(const std::vector<int>& changed, int refills);
@@ -243,18 +228,16 @@ class Capture {
   bool is_small_refill(int tile) const;
   // Gives the tile's unseen texels their value; false if there are none.
   bool refill(int tile);
-  bool has_prior(int tile) const { return prior_ && unseen_.above(tile); }
+  bool has_prior(int tile) const { return prior_ && map_.above(tile); }
   void refill_from_prior(int tile);
   bool match_prior(std::vector<int>& refilled);  // true if all is to be refilled at once
-  void make_levels(int tile);                    // for one of which any texel was seen
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
   CaptureOptions options_;
-  TileGrid grid_;
+  MapTiles map_;
   double time_ = -1e30;
   double last_taken_ = -1e30;  // of the last picture that was not left out
-  TileOutlines outlines_;
   Surroundings surroundings_;
   SphereSweep sweep_;
   LightTracks tracks_;
@@ -264,12 +247,6 @@ class Capture {
   };
   double bright_ = 0;         // radiance of what is a light, see locate_lights.cpp
   std::vector<Disc> hidden_;  // parts of the picture that show lights
-  TexelState state_;
-  std::vector<float> angles_;     // by tile of one face: solid angle
-  std::vector<float> projected_;  // by tile: that times |z|
-  std::vector<double> tile_angle_, tile_projected_;
-  std::vector<float> columns_[2], rows_[2];  // of the texels of a tile of least and greatest width
-  std::vector<TileSums> sums_;               // by tile
   UnseenTiles unseen_;
   std::optional<LightMeter> meter_;
   double metered_ = kNever;                     // seconds
@@ -282,16 +259,12 @@ class Capture {
   };
   std::optional<Balance> balance_;
   int mended_ = 0;
-  LightBoost boost_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the mean of unseen texels in the map
   std::vector<std::uint8_t> stale_fill_;  // where that no longer agrees with unseen_
   int next_refill_ = 0, pictures_ = 0;
   std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
-  TilePyramids pyramids_;
-  QuietTiles quiet_;
-  std::vector<std::uint64_t> versions_;  // by tile, as the map's
   std::vector<KnownCamera> cameras_;
   std::vector<KnownWide> wide_cameras_;
   std::int64_t used_ = 0;        // pictures

@@ -63,9 +63,9 @@ std::shared_ptr<const Environment> Capture::environment() {
     }
   if (!snapshot) {
     snapshot = std::make_shared<Environment>();
-    snapshot->radiance = CubeMap(grid_.size);
-    snapshot->last_seen = TexelTimes(grid_);
-    snapshot->variance.assign(state_.relative.size(), 0);
+    snapshot->radiance = CubeMap(map_.grid().size);
+    snapshot->last_seen = TexelTimes(map_.grid());
+    snapshot->variance.assign(map_.state.relative.size(), 0);
   }
   update_snapshot(*snapshot);
   snapshots_.insert(snapshots_.begin(), snapshot);
@@ -76,31 +76,32 @@ std::shared_ptr<const Environment> Capture::environment() {
 void Capture::update_snapshot(Environment& snapshot) const {
   CubeMap& map = snapshot.radiance;
   std::vector<int> stale;
-  for (int tile = 0; tile < grid_.count(); ++tile)
-    if (map.tile_version(tile) != versions_[std::size_t(tile)]) stale.push_back(tile);
+  for (int tile = 0; tile < map_.grid().count(); ++tile)
+    if (map.tile_version(tile) != map_.versions[std::size_t(tile)]) stale.push_back(tile);
   for (std::size_t i = 0; i < stale.size(); ++i) {
     if (i + kTilesAhead < stale.size()) prefetch_rows(stale[i + kTilesAhead], map);
     write_tile(stale[i], snapshot);
   }
-  map.update(stale, pyramids_.levels());
-  for (const int tile : stale) map.set_tile_version(tile, versions_[std::size_t(tile)]);
+  map.update(stale, map_.pyramids.levels());
+  for (const int tile : stale) map.set_tile_version(tile, map_.versions[std::size_t(tile)]);
 
   double up = 0, up_seen = 0, seen = 0, bound = 0, bound_flux = 0, up_flux = 0, flux = 0, fills = 0;
   double from_prior = 0, plane_seen = 0, plane_fills = 0;
-  for (int tile = 0; tile < grid_.count(); ++tile) {
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
     const std::size_t i = std::size_t(tile);
-    const TileSums& s = sums_[i];
+    const TileSums& s = map_.sums[i];
     const double filled = filled_flux(i);
     const double all = s.flux.x + s.flux.y + s.flux.z + filled;
     seen += s.angle, bound += s.bound_angle, flux += all, fills += filled;
-    if (!unseen_.above(tile)) {
+    if (!map_.above(tile)) {
       plane_seen += s.angle, plane_fills += filled;
       continue;
     }
     from_prior += has_prior(tile) ? filled : 0;
-    up += tile_angle_[i], up_seen += s.angle, bound_flux += s.bound_flux, up_flux += all;
+    up += map_.geometry.tile_angle[i], up_seen += s.angle, bound_flux += s.bound_flux,
+        up_flux += all;
   }
-  const glm::dvec3 more = boosted_flux();
+  const glm::dvec3 more = map_.boosted_flux();
   const double boosted = more.x + more.y + more.z;
   flux += boosted, up_flux += boosted;
   snapshot.time = time_;
@@ -129,71 +130,55 @@ void Capture::update_snapshot(Environment& snapshot) const {
 void Capture::boost_lights(std::vector<int>& shown) {
   if (!plane_irradiance_) return;
   BoundLight bounds;
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    const std::size_t i = std::size_t(tile), start = i * std::size_t(grid_.stride());
-    if (!unseen_.above(tile) || !(sums_[i].bound_angle > 0)) continue;
-    bounds += sum_bounds(state_, start, tile_rect(grid_, tile).texels(), &projected_[start]);
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
+    const std::size_t i = std::size_t(tile), start = i * std::size_t(map_.grid().stride());
+    if (!map_.above(tile) || !(map_.sums[i].bound_angle > 0)) continue;
+    bounds +=
+        sum_bounds(map_.state, start, map_.geometry.texels(tile), map_.geometry.projected(tile));
     shown.push_back(tile);
   }
   // The unseen light may be brighter by as much again, or not there.
-  const glm::dvec3 unseen = unseen_.sky_irradiance(sums_, tile_projected_),
+  const glm::dvec3 unseen = unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected),
                    unsure = kMeterDeviation * *plane_irradiance_;
   const LightBoost boost =
-      boost_of(bounds, *plane_irradiance_ - seen_sky_irradiance() - unseen,
+      boost_of(bounds, *plane_irradiance_ - map_.seen_sky_irradiance() - unseen,
                glm::sqrt(unseen * unseen + unsure * unsure), options_.most_boost);
   // No light is counted twice: only the rest may be in what was not seen.
   unseen_.measure_plane(*plane_irradiance_ - added(boost, bounds), unsure);
-  if (moved(boost_.whole, boost.whole) || moved(boost_.part, boost.part))
-    boost_ = boost;
+  if (moved(map_.boost.whole, boost.whole) || moved(map_.boost.part, boost.part))
+    map_.boost = boost;
   else
     shown.clear();
 }
 
-glm::dvec3 Capture::boosted_flux() const {
-  BoundLight bounds;
-  for (int tile = 0; boost_.any() && tile < grid_.count(); ++tile)
-    if (unseen_.above(tile) && sums_[std::size_t(tile)].bound_angle > 0)
-      bounds += sum_bounds(
-          state_, std::size_t(tile) * std::size_t(grid_.stride()), tile_rect(grid_, tile).texels(),
-          &angles_[std::size_t(tile % grid_.per_face()) * std::size_t(grid_.stride())]);
-  return added(boost_, bounds);
-}
-
-std::array<const float*, 3> Capture::shown_texels(int tile, std::vector<float>& room) const {
-  const std::size_t stride = std::size_t(grid_.stride()), start = std::size_t(tile) * stride;
-  if (!boost_.any() || !unseen_.above(tile) || !(sums_[std::size_t(tile)].bound_angle > 0))
-    return {&state_.value[0][start], &state_.value[1][start], &state_.value[2][start]};
-  room = boosted(boost_, state_, start, tile_rect(grid_, tile).texels(), grid_.stride());
-  return {&room[0], &room[stride], &room[2 * stride]};
-}
-
 void Capture::prefetch_rows(int tile, const CubeMap& map) const {
-  const FaceRect r = tile_rect(grid_, tile);
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-  for (int k = 0; k < std::min(2, pyramids_.levels()); ++k) {
+  const FaceRect r = tile_rect(map_.grid(), tile);
+  const std::size_t start = map_.geometry.start(tile);
+  for (int k = 0; k < std::min(2, map_.pyramids.levels()); ++k) {
     const CubeLevel& level = map.level(k);
     for (int y = r.y0 >> k; y < r.y1 >> k; ++y)
       prefetch_items(&level.texel(r.face, r.x0 >> k, y), std::size_t(r.width() >> k));
   }
-  for (int c = 0; c < 3; ++c) prefetch_items(&state_.value[c][start], std::size_t(grid_.stride()));
+  for (int c = 0; c < 3; ++c)
+    prefetch_items(&map_.state.value[c][start], std::size_t(map_.grid().stride()));
 }
 
 void Capture::write_tile(int tile, Environment& snapshot) const {
-  const FaceRect r = tile_rect(grid_, tile);
+  const FaceRect r = tile_rect(map_.grid(), tile);
   CubeMap& map = snapshot.radiance;
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const std::size_t start = map_.geometry.start(tile);
   const auto write = [&](int level, const std::array<const float*, 3>& channels) {
     CubeLevel& to = map.base(level);
     interleave(channels.data(), r.width() >> level, r.height() >> level, 3 * to.row_stride(),
                &to.texel(r.face, r.x0 >> level, r.y0 >> level).x);
   };
   std::vector<float> room;
-  write(0, shown_texels(tile, room));
-  for (int k = 1; k < pyramids_.levels(); ++k)
-    write(k,
-          {pyramids_.level(tile, 0, k), pyramids_.level(tile, 1, k), pyramids_.level(tile, 2, k)});
-  std::copy_n(&state_.relative[start], grid_.stride(), &snapshot.variance[start]);
-  snapshot.last_seen.copy(tile, state_.last_seen);
+  write(0, map_.shown_texels(tile, room));
+  for (int k = 1; k < map_.pyramids.levels(); ++k)
+    write(k, {map_.pyramids.level(tile, 0, k), map_.pyramids.level(tile, 1, k),
+              map_.pyramids.level(tile, 2, k)});
+  std::copy_n(&map_.state.relative[start], map_.grid().stride(), &snapshot.variance[start]);
+  snapshot.last_seen.copy(tile, map_.state.last_seen);
 }
 
 }  // namespace fastibl

@@ -24,9 +24,9 @@ double at_most_all(double share) { return share < 1 ? share : 1; }
 
 double Capture::mean_radiance() const {
   double flux = 0, angle = 0;
-  for (std::size_t i = 0; i < sums_.size(); ++i) {
-    const glm::dvec3 seen = sums_[i].flux;
-    angle += sums_[i].angle;
+  for (std::size_t i = 0; i < map_.sums.size(); ++i) {
+    const glm::dvec3 seen = map_.sums[i].flux;
+    angle += map_.sums[i].angle;
     flux += seen.x + seen.y + seen.z + filled_flux(i);
   }
   return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // 0, not the guess for unseen parts
@@ -53,7 +53,7 @@ void Capture::locate_lights(const Picture& picture, KnownCamera& known,
            std::abs(2 * pixel->y / camera.height - 1) < kInside;
   });
   const std::vector<LightPosition> lights = tracks_.positions();
-  const std::vector<int> moved = surroundings_.place(outlines_, lights);
+  const std::vector<int> moved = surroundings_.place(map_.geometry.outlines, lights);
   if (moved.empty()) return;
   for (const LightPosition& light : lights) forget_light(light, moved);
 }
@@ -106,38 +106,38 @@ void Capture::forget_light(const LightPosition& light, const std::vector<int>& m
     ghosts.push_back(surroundings_.surface().recorded(sight.eye, sight.direction));
   const double radius = angular_radius(light, options_.centre);
   const std::uint64_t version = new_tile_version();
-  for (int tile = 0; tile < grid_.count(); ++tile) {
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
     const std::size_t i = std::size_t(tile);
-    if (!unseen_.above(tile) || sums_[i].count == 0) continue;
+    if (!map_.above(tile) || map_.sums[i].count == 0) continue;
     bool shows = std::find(moved.begin(), moved.end(), tile) != moved.end();
     if (!shows) {
-      const glm::dvec3 middle = outlines_.middle(tile);
-      const double reach = kOutline * radius + kBlur + outlines_.reach(tile);
+      const glm::dvec3 middle = map_.geometry.outlines.middle(tile);
+      const double reach = kOutline * radius + kBlur + map_.geometry.outlines.reach(tile);
       shows = std::any_of(ghosts.begin(), ghosts.end(), [&](const glm::dvec3& ghost) {
         return glm::dot(ghost, middle) > std::cos(reach);
       });
     }
-    if (shows && forget_bright(tile)) versions_[i] = version;
+    if (shows && forget_bright(tile)) map_.versions[i] = version;
   }
 }
 
 // Makes the tile's bright texels unseen; true if there are any.
 bool Capture::forget_bright(int tile) {
-  const FaceRect r = tile_rect(grid_, tile);
-  const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
+  const FaceRect r = tile_rect(map_.grid(), tile);
+  const std::size_t start = map_.geometry.start(tile);
   double* last_seen = nullptr;
   for (int k = 0; k < r.texels(); ++k) {
     const std::size_t at = start + std::size_t(k);
-    const double sum =
-        double(state_.value[0][at]) + double(state_.value[1][at]) + double(state_.value[2][at]);
-    if (!(sum > 3 * bright_) || !(state_.last_seen.at(tile, k) > kNever)) continue;
-    if (!last_seen) last_seen = state_.last_seen.texels(tile);
+    const double sum = double(map_.state.value[0][at]) + double(map_.state.value[1][at]) +
+                       double(map_.state.value[2][at]);
+    if (!(sum > 3 * bright_) || !(map_.state.last_seen.at(tile, k) > kNever)) continue;
+    if (!last_seen) last_seen = map_.state.last_seen.texels(tile);
     last_seen[k] = kNever;
-    state_.bound[at] = 0;
-    for (int c = 0; c < 3; ++c) state_.variance[c][at] = 0;
+    map_.state.bound[at] = 0;
+    for (int c = 0; c < 3; ++c) map_.state.variance[c][at] = 0;
   }
   if (!last_seen) return false;
-  sums_[std::size_t(tile)] = sum_of(tile);
+  map_.sum(tile);
   new_sums_.push_back(tile);
   refill(tile);
   return true;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "fastibl/capture/capture.h"
@@ -22,8 +23,8 @@ constexpr int kRounds = 3;
 // nothing.
 template <class Source>
 void Capture::resample(const TexelState& old, const Source& source) {
-  const std::size_t stride = std::size_t(grid_.stride());
-  const float half = 0.4f / float(grid_.size);
+  const std::size_t stride = std::size_t(map_.grid().stride());
+  const float half = 0.4f / float(map_.grid().size);
   // Averages those of the four texels around a texel's place that were seen, as if looked up there.
   const auto take = [&](int tile, int k, const std::optional<glm::vec3>& direction) {
     float count = 0, value[3] = {}, variance[3] = {};
@@ -36,33 +37,33 @@ void Capture::resample(const TexelState& old, const Source& source) {
       const glm::vec3 d = *direction + half * ((corner & 1 ? 1.0f : -1.0f) * side +
                                                (corner & 2 ? 1.0f : -1.0f) * other);
       if (!(d.z > 0)) continue;  // the plane
-      const TexelPlace at = texel_at(d, grid_.size);
-      const TilePlace from = tile_place(grid_, at.face, at.x, at.y);
+      const TexelPlace at = texel_at(d, map_.grid().size);
+      const TilePlace from = tile_place(map_.grid(), at.face, at.x, at.y);
       const double time = old.last_seen.at(from.tile, from.texel);
       if (!(time > kNever)) continue;
       const std::size_t i = std::size_t(from.tile) * stride + std::size_t(from.texel);
       for (int c = 0; c < 3; ++c) value[c] += old.value[c][i], variance[c] += old.variance[c][i];
       bound |= old.bound[i], seen = std::max(seen, time), ++count;
     }
-    if (count == 0 && !(state_.last_seen.at(tile, k) > kNever)) return;
+    if (count == 0 && !(map_.state.last_seen.at(tile, k) > kNever)) return;
     const std::size_t to = std::size_t(tile) * stride + std::size_t(k);
     for (int c = 0; c < 3; ++c) {
-      state_.value[c][to] = count > 0 ? value[c] / count : 0;
+      map_.state.value[c][to] = count > 0 ? value[c] / count : 0;
       // Adds what may differ within a texel.
-      const float blur = kModelNoise * state_.value[c][to];
-      state_.variance[c][to] = count > 0 ? variance[c] / count + blur * blur : 0;
+      const float blur = kModelNoise * map_.state.value[c][to];
+      map_.state.variance[c][to] = count > 0 ? variance[c] / count + blur * blur : 0;
     }
-    state_.bound[to] = bound;
-    state_.last_seen.texels(tile)[k] = seen;
+    map_.state.bound[to] = bound;
+    map_.state.last_seen.texels(tile)[k] = seen;
   };
-  parallel_for(grid_.count(), 32, [&](int begin, int end) {
+  parallel_for(map_.grid().count(), 32, [&](int begin, int end) {
     for (int tile = begin; tile < end; ++tile) {
-      if (!unseen_.above(tile)) continue;
-      const FaceRect r = tile_rect(grid_, tile);
+      if (!map_.above(tile)) continue;
+      const FaceRect r = tile_rect(map_.grid(), tile);
       int k = 0;
       for (int y = r.y0; y < r.y1; ++y)
         for (int x = r.x0; x < r.x1; ++x, ++k) {
-          const glm::vec3 d = glm::normalize(texel_direction(r.face, x, y, grid_.size));
+          const glm::vec3 d = glm::normalize(texel_direction(r.face, x, y, map_.grid().size));
           if (d.z > 0) take(tile, k, source(tile, d));
         }
     }
@@ -72,19 +73,18 @@ void Capture::resample(const TexelState& old, const Source& source) {
 void Capture::turn(const glm::dmat3& new_from_old) {
   check(is_rotation(new_from_old, 1e-3), "a map can only be turned by a rotation");
   const glm::mat3 old_from_new(glm::transpose(new_from_old));
-  const TexelState old = std::exchange(state_, TexelState(grid_));
+  const TexelState old = std::exchange(map_.state, TexelState(map_.grid()));
   resample(old, [&](int, const glm::vec3& d) { return std::optional(old_from_new * d); });
   sweep_ = SphereSweep(options_.centre);
   tracks_ = LightTracks(options_.centre);
   std::optional<RoomBox> box = surface().box();
   if (box) box = turned(*box, new_from_old);
-  surroundings_ = Surroundings(outlines_, {options_.centre, distance(), box});
-  quiet_ = QuietTiles(grid_);
+  surroundings_ = Surroundings(map_.geometry.outlines, {options_.centre, distance(), box});
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
   eyes_.assign(eyes_.size(), glm::dvec3(kInfinity));
   scales_.assign(scales_.size(), kOwnScale);  // tiles mix
-  unseen_ = UnseenTiles(grid_, float(options_.plane_albedo));
+  unseen_ = UnseenTiles(map_.grid(), float(options_.plane_albedo));
   renew_all();
 }
 
@@ -100,18 +100,14 @@ void Capture::find_distance(const Picture& picture, const KnownCamera& known, co
 // What was recorded for another place was seen from a known one, so it can be recorded anew.
 void Capture::move_to(const MapSurface& surface) {
   const Surroundings before =
-      std::exchange(surroundings_, Surroundings(outlines_, MapSurface(surface)));
-  surroundings_.place(outlines_, std::vector<LightPosition>(before.lights()));
-  const auto tile_of = [&](const glm::dvec3& direction) {
-    const TexelPlace at = texel_at(glm::vec3(direction), grid_.size);
-    return std::size_t(tile_place(grid_, at.face, at.x, at.y).tile);
-  };
+      std::exchange(surroundings_, Surroundings(map_.geometry.outlines, MapSurface(surface)));
+  surroundings_.place(map_.geometry.outlines, std::vector<LightPosition>(before.lights()));
   // For tiles that were not seen, the mean of where others were seen from: what belongs there was
   // recorded beside it.
   glm::dvec3 usual_eye(0);
   double seen = 0;
   for (std::size_t i = 0; i < eyes_.size(); ++i)
-    if (sums_[i].count > 0) usual_eye += eyes_[i], ++seen;
+    if (map_.sums[i].count > 0) usual_eye += eyes_[i], ++seen;
   if (seen > 0) usual_eye /= seen;
   // Where a point was recorded depends on where its tile was seen from, and that on the tile.
   const auto recorded_in = [&](int tile, const glm::dvec3& direction) {
@@ -119,50 +115,44 @@ void Capture::move_to(const MapSurface& surface) {
     const glm::dvec3 point = options_.centre + direction / nearness;
     glm::dvec3 there = direction;
     for (int round = 0; round < kRounds; ++round) {
-      const std::size_t from = round == 0 ? std::size_t(tile) : tile_of(there);
-      const glm::dvec3& eye = sums_[from].count > 0 ? eyes_[from] : usual_eye;
+      const std::size_t from =
+          round == 0 ? std::size_t(tile) : std::size_t(map_.geometry.tile_in(there));
+      const glm::dvec3& eye = map_.sums[from].count > 0 ? eyes_[from] : usual_eye;
       if (!std::isfinite(eye.x)) return direction;
       there = before.surface().recorded(eye, glm::normalize(point - eye));
     }
     return there;
   };
-  const TexelState old = state_;
+  const TexelState old = map_.state;
   resample(old, [&](int tile, const glm::vec3& d) -> std::optional<glm::vec3> {
     if (!before.is_usual(before.depth(tile))) return d;
     const glm::vec3 there(recorded_in(tile, glm::dvec3(d)));
     // What a light's tiles show was recorded where it is.
-    return before.is_usual(before.depth(int(tile_of(there)))) ? std::optional(there) : std::nullopt;
+    return before.is_usual(before.depth(map_.geometry.tile_in(there))) ? std::optional(there)
+                                                                       : std::nullopt;
   });
   std::vector<glm::dvec3> eyes = eyes_;
   std::vector<int> scales = scales_;
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    if (!unseen_.above(tile)) continue;
-    const std::size_t from = tile_of(recorded_in(tile, outlines_.middle(tile)));
+  for (int tile = 0; tile < map_.grid().count(); ++tile) {
+    if (!map_.above(tile)) continue;
+    const std::size_t from =
+        std::size_t(map_.geometry.tile_in(recorded_in(tile, map_.geometry.outlines.middle(tile))));
     eyes[std::size_t(tile)] = eyes_[from], scales[std::size_t(tile)] = scales_[from];
   }
   eyes_ = std::move(eyes), scales_ = std::move(scales);
-  quiet_ = QuietTiles(grid_);
   at_rim_.assign(at_rim_.size(), 0);
   renew_all();
 }
 
 // Renews everything that is derived from the state.
 void Capture::renew_all() {
-  std::vector<int> all, refilled;
-  const std::uint64_t version = new_tile_version();
-  for (int tile = 0; tile < grid_.count(); ++tile) {
-    const std::size_t start = std::size_t(tile) * std::size_t(grid_.stride());
-    relate_variances(state_, start, tile_rect(grid_, tile).texels());
-    sums_[std::size_t(tile)] = sum_of(tile);
-    if (state_.last_seen.same(tile) && state_.last_seen.at(tile, 0) == kNever)
-      sums_[std::size_t(tile)] = TileSums{};
-    all.push_back(tile);
-    versions_[std::size_t(tile)] = version;
-  }
+  map_.renew();
+  std::vector<int> all(std::size_t(map_.grid().count())), refilled;
+  std::iota(all.begin(), all.end(), 0);
   new_sums_.clear();
-  unseen_.update(all, sums_, tile_projected_, time_, true, refilled);
+  unseen_.update(all, map_.sums, map_.geometry.tile_projected, time_, true, refilled);
   for (const int tile : all)
-    if (!refill(tile)) make_levels(tile);
+    if (!refill(tile)) map_.make_levels(tile);
 }
 
 }  // namespace fastibl

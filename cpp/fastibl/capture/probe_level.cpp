@@ -29,7 +29,7 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
   const Camera& camera = k.camera;
   const PixelReader pixels = k.pixels(picture);
   // As large as a texel in the middle of a face.
-  const int texel = int(std::lround(2 * std::min(camera.fx, camera.fy) / grid_.size));
+  const int texel = int(std::lround(2 * std::min(camera.fx, camera.fy) / map_.grid().size));
   const int size = std::min({std::clamp(texel, 1, kLargest), picture.width, picture.height});
   glm::dvec2 page(-1);
   if (options_.board) page = 0.5 * glm::dvec2(options_.board->width, options_.board->height);
@@ -55,19 +55,20 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
       }
       const double length = glm::length(direction);
       if (!(length > 0 && std::isfinite(length))) continue;  // the map's centre, or the horizon
-      const TexelPlace texel_there = texel_at(glm::vec3(direction / length), grid_.size);
-      const TilePlace there = tile_place(grid_, texel_there.face, texel_there.x, texel_there.y);
-      const double seen = state_.last_seen.at(there.tile, there.texel);
+      const TexelPlace texel_there = texel_at(glm::vec3(direction / length), map_.grid().size);
+      const TilePlace there =
+          tile_place(map_.grid(), texel_there.face, texel_there.x, texel_there.y);
+      const double seen = map_.state.last_seen.at(there.tile, there.texel);
       if (!(seen > kNever)) continue;
       const std::size_t at =
-          std::size_t(there.tile) * std::size_t(grid_.stride()) + std::size_t(there.texel);
-      if (state_.bound[at]) continue;
+          std::size_t(there.tile) * std::size_t(map_.grid().stride()) + std::size_t(there.texel);
+      if (map_.state.bound[at]) continue;
       LevelProbe probe{};
       bool lit = true;
       for (int c = 0; c < 3; ++c) {
-        const float value = state_.value[c][at];
+        const float value = map_.state.value[c][at];
         lit &= value > 0;
-        probe.sure &= state_.variance[c][at] < kKnown * kKnown * value * value;
+        probe.sure &= map_.state.variance[c][at] < kKnown * kKnown * value * value;
         probe.expected[c] = value * float(camera.gain * k.vignette(float(cx), float(cy)));
       }
       if (!lit || !(probe.sure || unsure)) continue;

@@ -54,7 +54,6 @@ class UnseenTiles {
   // it.
   glm::dvec3 sky_irradiance(const std::vector<TileSums>& sums,
                             const std::vector<double>& tile_projected) const;
-  bool above(int tile) const { return above_[std::size_t(tile)]; }
 
  private:
   // Seen tiles of a half of the sphere, by component; padded to whole vectors.
