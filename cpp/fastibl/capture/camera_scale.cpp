@@ -46,10 +46,7 @@ std::optional<double> Capture::assumed_exposure(const Picture& picture,
 }
 
 double Capture::scale_error() const {
-  const auto is_assumed = [](const auto& camera) { return camera.doubt.assumed(); };
-  if (!forgot_assumed_ && std::none_of(cameras_.begin(), cameras_.end(), is_assumed) &&
-      std::none_of(wide_cameras_.begin(), wide_cameras_.end(), is_assumed))
-    return 0;
+  if (!cameras_.any_assumed()) return 0;
   if (!plane_irradiance_) return 1;
   const glm::dvec3 sky =
       map_.seen_sky_irradiance() + unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected);

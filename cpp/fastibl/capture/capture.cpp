@@ -17,7 +17,6 @@ namespace {
 // Around the page, for blur and the pose's error, which grow with how far off a large page is seen:
 // metres, and as a share of the page's longer side.
 constexpr double kBoardMargin = 0.01, kBoardMarginShare = 1 / 30.0;
-constexpr std::size_t kCameras = 4;               // remembered: those used last
 constexpr double kMeterPause = 0.1;               // seconds between readings of the board's white
 constexpr double kFarther = 2, kFartherBy = 0.3;  // factor, metres: beyond, wide pictures tell less
 constexpr std::size_t kChanges = 16;              // of all the light that are remembered
@@ -32,7 +31,7 @@ constexpr float kMostDrift = 0.5f;  // pictures a readout; nothing moves faster 
 }  // namespace
 
 struct Capture::View {
-  const KnownCamera& known;
+  const CameraSide& side;
   const std::vector<TexelView>& texels;  // by band of rows
   const std::vector<TexelView>& halved;  // the same for a map of half the size
   ImageView<const std::uint8_t> mask;
@@ -41,50 +40,6 @@ struct Capture::View {
   glm::vec3 untint;  // factors on linear values
   bool plane;        // whether the camera's place is known
 };
-
-Capture::KnownCamera::KnownCamera(const Camera& given, std::vector<float> vignette)
-    : camera(given),
-      pixel_vignette(std::move(vignette)),
-      lens(given),
-      bounds(picture_bounds(given, lens)),
-      noise(given.response),
-      bytes(given.response),
-      probe_rays(Capture::probe_rays(given, lens)) {}
-
-template <typename Known>
-Known* Capture::find_known(std::vector<Known>& all, const Camera& camera, int number) {
-  ++used_;
-  for (Known& k : all)
-    if (k.number == number && k.camera == camera) {
-      k.used = used_;
-      return &k;
-    }
-  camera.validate();
-  if (all.size() == kCameras) {  // a zoom makes a new one for each picture
-    const auto oldest = std::min_element(
-        all.begin(), all.end(), [](const Known& a, const Known& b) { return a.used < b.used; });
-    forgot_assumed_ |= oldest->doubt.assumed();
-    all.erase(oldest);
-  }
-  return nullptr;
-}
-
-Capture::KnownCamera& Capture::known(const Camera& camera, int number) {
-  if (KnownCamera* k = find_known(cameras_, camera, number)) return *k;
-  KnownCamera& k = cameras_.emplace_back(camera);
-  k.number = number, k.used = used_, k.first = ++known_;
-  return k;
-}
-
-Capture::KnownWide& Capture::known_wide(const Camera& camera, int number) {
-  if (KnownWide* k = find_known(wide_cameras_, camera, number)) return *k;
-  KnownWide& wide = wide_cameras_.emplace_back();
-  wide.camera = camera, wide.number = number, wide.used = used_, wide.first = ++known_;
-  wide.sides = sides_of(camera, map_.grid().size);
-  for (const WideSide& side : wide.sides)
-    wide.known.emplace_back(side.camera, side.vignette).side = true;
-  return wide;
-}
 
 Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
@@ -131,36 +86,19 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
         "a tint must be positive and finite, got ", tint.x, " ", tint.y, " ", tint.z);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
-  const bool perspective = camera.model == CameraModel::perspective;
-  KnownCamera* const one = perspective ? &known(camera, number) : nullptr;
-  KnownWide* const wide = perspective ? nullptr : &known_wide(camera, number);
+  KnownCamera& known = cameras_.get(camera, number, map_.grid().size);
   const int refills = refills_after(time, camera);
   time_ = time;
   if (last_camera_ != camera) last_camera_ = camera;
   const RowPoses poses(camera_from_marker, last_row);
   bright_ = MainLightOptions{}.brightness * mean_radiance();
-  std::vector<int> changed;
-  bool any = false;
-  // Visits each side of a wide picture, with its pose.
-  const auto each_side = [&](const auto& visit) {
-    for (std::size_t i = 0; i < wide->sides.size(); ++i) {
-      const WideSide& side = wide->sides[i];
-      wide->picture.take(side, picture, mask);
-      visit(wide->known[i], RowPoses(side.side_from_camera * poses.at(0.5)));
-    }
-  };
   Taken taken{.exposure = exposure.value_or(1)};
-  ExposureDoubt& doubt = one ? one->doubt : wide->doubt;
+  ExposureDoubt& doubt = known.doubt;
   if (exposure) doubt.tell();
-  if (!exposure || (options_.doubt_exposures && one)) {
+  if (!exposure || (options_.doubt_exposures && known.perspective())) {
     std::vector<LevelProbe> probes;
-    if (one)
-      probe_level(picture, *one, poses, mask, !exposure, probes);
-    else
-      each_side([&](KnownCamera& side, const RowPoses& side_poses) {
-        probe_level(wide->picture.picture(), side, side_poses, wide->picture.mask(), !exposure,
-                    probes);
-      });
+    known.each_side(picture, poses, mask,
+                    [&](const PosedPicture& posed) { probe_level(posed, !exposure, probes); });
     for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
     taken = doubt.judge(probes, exposure, time);
     if (doubt.found_change()) distrust(*doubt.found_change());
@@ -171,32 +109,31 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
     }
   }
   taken.tint *= tint;
-  if (one)
-    any = take(picture, *one, poses, taken, mask, plane, changed);
-  else
-    each_side([&](KnownCamera& side, const RowPoses& side_poses) {
-      any |= take(wide->picture.picture(), side, side_poses, taken, wide->picture.mask(), plane,
-                  changed);
-    });
-  const bool metered = one && plane && read_meter(picture, *one, poses, taken);
-  const bool assumed = doubt.assumed() && !(one && one->metered);
-  note_scales(changed, assumed ? (one ? one->first : wide->first) : 0, !exposure);
+  std::vector<int> changed;
+  bool any = false, metered = false;
+  known.each_side(picture, poses, mask, [&](const PosedPicture& posed) {
+    any |= take(posed, taken, plane, changed);
+    metered = known.perspective() && plane && read_meter(posed, known, taken);
+  });
+  const bool assumed = doubt.assumed() && !known.metered;
+  note_scales(changed, assumed ? known.first : 0, !exposure);
   if (metered) mend_scale(changed);
   if (any) take_changes(changed, refills);
   return taken;
 }
 
-bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses,
-                   const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
+bool Capture::take(const PosedPicture& posed, const Taken& taken, bool plane,
                    std::vector<int>& changed) {
-  const Camera& camera = k.camera;
+  CameraSide& side = posed.side;
+  const RowPoses& poses = posed.poses;
+  const Camera& camera = side.camera;
   const double exposure = taken.exposure;
   const double tint = (taken.tint.x + taken.tint.y + taken.tint.z) / 3;  // of what is grey
   if (plane) {
-    find_distance(picture, k, poses, mask);
-    locate_lights(picture, k, poses, exposure * tint);
+    find_distance(posed);
+    locate_lights(posed, exposure * tint);
   }
-  find_hidden(k, poses);
+  find_hidden(posed);
   Viewpoint viewpoint{options_.centre, surroundings_};
   if (options_.board) {
     const glm::dvec2 page(options_.board->width, options_.board->height);
@@ -207,8 +144,8 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
   const int bands = poses.rolling() ? kBands : 1;
   for (int band = 0; band < bands; ++band) {
     const Pose pose = poses.at(bands == 1 ? 0.0 : (band + 0.5) / bands);
-    texels.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, map_.grid().size);
-    halved.emplace_back(camera, k.lens, k.bounds, pose, viewpoint, map_.grid().size / 2);
+    texels.emplace_back(camera, side.lens, side.bounds, pose, viewpoint, map_.grid().size);
+    halved.emplace_back(camera, side.lens, side.bounds, pose, viewpoint, map_.grid().size / 2);
   }
   texels.front().find_tiles(map_.geometry.outlines, most_pixels_);
   if (poses.rolling()) {  // tiles that the picture shows at any time
@@ -230,20 +167,20 @@ bool Capture::take(const Picture& picture, KnownCamera& k, const RowPoses& poses
     std::erase_if(tiles_, [&](int tile) {
       return plane_seen_[std::size_t(tile)] != 0 && map_.was_seen_whole(tile);
     });
-  const glm::dvec3 eye = poses.at(0.5).inverse().translation;
-  if (k.side) leave_out_far_tiles(eye);
+  const glm::dvec3 eye = posed.eye();
+  if (side.of_wide) leave_out_far_tiles(eye);
   if (tiles_.empty()) return false;
   find_bands(texels, float(camera.height));
   // Probes are four times as large as texels.
-  levels_.make(picture, camera.response, levels_for(4 * most));
-  k.noise.listen(k.pixels(picture), picture.width, picture.height);
+  levels_.make(posed.picture, camera.response, levels_for(4 * most));
+  side.noise.listen(posed.pixels(), posed.picture.width, posed.picture.height);
 
   // What the tint's channels have in common is exposure, to the noise of the sensor as well.
   const double scale = std::min(1 / (exposure * tint * camera.gain), kLargestScale);
-  const View view{k,
+  const View view{side,
                   texels,
                   halved,
-                  mask,
+                  posed.mask,
                   scale,
                   float(kRimOfLight * bright_ / scale),
                   glm::vec3(tint / taken.tint),
@@ -284,13 +221,13 @@ glm::vec3 Capture::change_since(double time) const {
   return glm::exp(sum);
 }
 
-bool Capture::read_meter(const Picture& picture, KnownCamera& k, const RowPoses& poses,
-                         const Taken& taken) {
+bool Capture::read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken) {
   if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return false;
-  auto read = meter_->read(k.pixels(picture), k.camera, k.lens, poses.at(0.5), taken.exposure);
+  auto read = meter_->read(posed.pixels(), posed.side.camera, posed.side.lens, posed.half(),
+                           taken.exposure);
   if (!read) return false;
   *read /= taken.tint;
-  if (!std::exchange(k.metered, true)) know_scale(k.first);
+  if (!std::exchange(known.metered, true)) know_scale(known.first);
   metered_ = time_, plane_irradiance_ = read;
   unseen_.measure_plane(*read, kMeterDeviation * *read);
   return true;
@@ -357,21 +294,20 @@ bool Capture::look(const View& view, const Depth& depth, int count, bool fine, S
         samples.linear[c][i] *= view.untint[c];
         if (samples.fine) samples.spread[c][i] *= view.untint[c];
       }
-  if (!view.known.vignettes())
+  if (!view.side.vignettes())
     std::fill_n(samples.radiance_per_linear, lanes_of(count), float(view.scale));
   else
     for (int i = 0; i < lanes_of(count); ++i)
       samples.radiance_per_linear[i] =
-          sightings.seen[i]
-              ? float(view.scale / view.known.vignette(sightings.x[i], sightings.y[i]))
-              : 1.0f;
+          sightings.seen[i] ? float(view.scale / view.side.vignette(sightings.x[i], sightings.y[i]))
+                            : 1.0f;
   return rim;
 }
 
 TileSighting Capture::sighting(const View& view, int tile, const Sightings& sightings,
                                const Samples& samples, int first, int count) const {
   TileSighting s{time_, float(view.scale), float(view.scale), most_pixels_[std::size_t(tile)]};
-  if (view.known.vignettes())
+  if (view.side.vignettes())
     for (int i = first; i < first + count; ++i)
       if (sightings.seen[i]) {
         s.least_scale = std::min(s.least_scale, samples.radiance_per_linear[i]);
@@ -449,13 +385,13 @@ void Capture::compare_probes(const View& view, const int* tiles, int count) {
   const TexelView& halved = view.halved[std::size_t(roll_[std::size_t(tiles[0])].band)];
   if (!halved.see(group, map_.above(tiles[0]), sightings)) return;
   for (int t = 0; t < count; ++t)
-    unroll(view.known.camera, roll_[std::size_t(tiles[t])], t * kProbes, kProbes, sightings);
+    unroll(view.side.camera, roll_[std::size_t(tiles[t])], t * kProbes, kProbes, sightings);
   Samples samples;
   look(view, group.depth, lanes, false, sightings, samples);
   alignas(64) float deviance[kTexelLanes];
   const float* const value[3] = {values[0], values[1], values[2]};
   const float* const variance[3] = {rough[0], rough[1], rough[2]};
-  compare_samples(value, variance, lanes, sightings, samples, view.known.noise, deviance);
+  compare_samples(value, variance, lanes, sightings, samples, view.side.noise, deviance);
   for (int t = 0; t < count; ++t) {
     const int tile = tiles[t], at = t * kProbes;
     left_out_[std::size_t(tile)] =
@@ -497,7 +433,7 @@ bool Capture::add_tile(const View& view, int tile) {
       whole = false;
       continue;
     }
-    unroll(view.known.camera, roll_[std::size_t(tile)], 0, count, sightings);
+    unroll(view.side.camera, roll_[std::size_t(tile)], 0, count, sightings);
     rim |= look(view, group.depth, count, at_rim_[std::size_t(tile)] != 0, sightings, samples);
     const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
     shown = any ? joined(shown, part) : part;
@@ -506,7 +442,7 @@ bool Capture::add_tile(const View& view, int tile) {
     alignas(64) float left[kTexelLanes];
     // Single texels need times of their own where not all are seen, or not all at once.
     const bool once = count == all && whole && map_.state.last_seen.same(tile);
-    merge_samples(map_.state, start + std::size_t(k), count, sightings, samples, view.known.noise,
+    merge_samples(map_.state, start + std::size_t(k), count, sightings, samples, view.side.noise,
                   time_, once ? nullptr : map_.state.last_seen.texels(tile) + k,
                   map_.state.last_seen.at(tile, 0), left);
     map_.quiet.add_blocks(k, count, left, unsure);

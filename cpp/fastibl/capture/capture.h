@@ -9,22 +9,20 @@
 #include "fastibl/capture/capture_options.h"
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
+#include "fastibl/capture/known_cameras.h"
 #include "fastibl/capture/light_meter.h"
 #include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/map_tiles.h"
 #include "fastibl/capture/next_exposure.h"
 #include "fastibl/capture/prior_map.h"
-#include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/sphere_sweep.h"
 #include "fastibl/capture/surroundings.h"
-#include "fastibl/capture/texel_view.h"
 #include "fastibl/capture/unseen.h"
-#include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/environment.h"
-#include "fastibl/scene/pixel_reader.h"
+#include "fastibl/scene/picture.h"
 
 namespace fastibl {
 
@@ -88,59 +86,12 @@ class Capture {
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
  private:
-  struct KnownCamera {
-    explicit KnownCamera(const Camera& camera, std::vector<float> vignette = {});
-    bool vignettes() const { return !camera.vignetting.empty() || !pixel_vignette.empty(); }
-    double vignette(float x, float y) const {
-      return pixel_vignette.empty()
-                 ? camera.vignette({x, y})
-                 : double(pixel_vignette[std::size_t(int(y) * camera.width + int(x))]);
-    }
-    PixelReader pixels(const Picture& picture) const { return {picture, camera.response, bytes}; }
-    Camera camera;
-    int number = 0;
-    std::int64_t used = 0;              // when it was last used, counted in pictures
-    int first = 0;                      // the camera's number in order of appearance, from 1
-    bool side = false;                  // of a wide picture
-    std::vector<float> pixel_vignette;  // of a WideSide, or empty
-    Lens lens;
-    PictureBounds bounds;
-    SensorNoise noise;
-    ByteResponse bytes;
-    std::vector<std::optional<glm::dvec3>> probe_rays;
-    ExposureDoubt doubt;
-    bool metered = false;       // whether the board's white was read in its pictures
-    glm::dvec3 looked_from{0};  // metres, marker frame: where lights were last looked for from,
-    double looked_at = kNever;  // and when, seconds
-  };
-  // A fisheye or 360° camera: what is known of its sides.
-  struct KnownWide {
-    Camera camera;
-    int number = 0;
-    std::int64_t used = 0;
-    int first = 0;
-    std::vector<WideSide> sides;
-    std::vector<KnownCamera> known;
-    SidePicture picture;
-    ExposureDoubt doubt;
-  };
   struct View;  // of one picture
-  KnownCamera& known(const Camera& camera, int number);
-  KnownWide& known_wide(const Camera& camera, int number);
-  // The camera with these parameters; null if there is none, and then there is room for another.
-  template <typename Known>
-  Known* find_known(std::vector<Known>& all, const Camera& camera, int number);
   // Takes a perspective picture: appends the tiles that changed; false if the map holds none of it.
-  bool take(const Picture& picture, KnownCamera& camera, const RowPoses& camera_from_marker,
-            const Taken& taken, ImageView<const std::uint8_t> mask, bool plane,
-            std::vector<int>& changed);
-  // Rays (camera frame) through the middles of the picture's parts that are compared with the map;
-  // std::nullopt beyond the lens model. In probe_level.cpp, like probe_level(), which appends those
-  // that the map knows, unsure: or of which it has any idea.
-  static std::vector<std::optional<glm::dvec3>> probe_rays(const Camera& camera, const Lens& lens);
-  void probe_level(const Picture& picture, const KnownCamera& camera,
-                   const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask,
-                   bool unsure, std::vector<LevelProbe>& probes) const;
+  bool take(const PosedPicture& posed, const Taken& taken, bool plane, std::vector<int>& changed);
+  // Appends the parts of the picture that the map knows, unsure: or of which it has any idea. In
+  // probe_level.cpp.
+  void probe_level(const PosedPicture& posed, bool unsure, std::vector<LevelProbe>& probes) const;
   // Notes that all of the map may be wrong by this factor, ln by channel.
   void distrust(const glm::dvec3& log_change);
   // Factor by which the place is thought to have changed since then.
@@ -166,24 +117,21 @@ class Capture {
   // its change if that may be believed. share: of the sky that was seen.
   std::optional<double> mending(double share, double factor, bool follow);
   // True if the picture shows the board's white well enough.
-  bool read_meter(const Picture& picture, KnownCamera& camera, const RowPoses& poses,
-                  const Taken& taken);
+  bool read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
   void boost_lights(std::vector<int>& shown);
   // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
   // In move_map.cpp. Learns the distance, and then the walls, where neither was given.
-  void find_distance(const Picture& picture, const KnownCamera& camera,
-                     const RowPoses& camera_from_marker, ImageView<const std::uint8_t> mask);
+  void find_distance(const PosedPicture& posed);
   void move_to(const MapSurface& surface);
   // The room's walls as they now stand to the marker, if they were given.
   std::optional<RoomBox> told_box() const { return options_.box ? surface().box() : std::nullopt; }
   template <class Source>
   void resample(const TexelState& old, const Source& source);
   // In locate_lights.cpp.
-  void locate_lights(const Picture& picture, KnownCamera& camera,
-                     const RowPoses& camera_from_marker, double exposure);
+  void locate_lights(const PosedPicture& posed, double exposure);
   double mean_radiance() const;
   // Flux of the part of a tile that was not seen, summed over RGB.
   double filled_flux(std::size_t tile) const {
@@ -194,7 +142,7 @@ class Capture {
     double expected = 0, doubt = 0;  // of the irradiance
   };
   Parallax parallax() const;
-  void find_hidden(const KnownCamera& camera, const RowPoses& camera_from_marker);
+  void find_hidden(const PosedPicture& posed);
   void forget_light(const LightPosition& light, const std::vector<int>& moved);
   bool forget_bright(int tile);
   // Removes from tiles_ the tiles that the picture need not give.
@@ -265,11 +213,7 @@ class Capture {
   std::vector<std::uint8_t> stale_fill_;  // where that no longer agrees with unseen_
   int next_refill_ = 0, pictures_ = 0;
   std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
-  std::vector<KnownCamera> cameras_;
-  std::vector<KnownWide> wide_cameras_;
-  std::int64_t used_ = 0;        // pictures
-  int known_ = 0;                // cameras so far
-  bool forgot_assumed_ = false;  // a camera whose scale was assumed
+  KnownCameras cameras_;
   struct Change {
     double time;  // seconds
     glm::dvec3 log_ratio;

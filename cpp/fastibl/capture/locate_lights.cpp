@@ -32,23 +32,22 @@ double Capture::mean_radiance() const {
   return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // 0, not the guess for unseen parts
 }
 
-void Capture::locate_lights(const Picture& picture, KnownCamera& known,
-                            const RowPoses& camera_from_marker, double exposure) {
-  const Pose half = camera_from_marker.at(0.5);
+void Capture::locate_lights(const PosedPicture& posed, double exposure) {
+  CameraSide& side = posed.side;
+  const Pose half = posed.half();
   const glm::dvec3 eye = half.inverse().translation;
-  if (glm::length(eye - known.looked_from) < kStep && time_ - known.looked_at < kPause) return;
-  const Camera& camera = known.camera;
+  if (glm::length(eye - side.looked_from) < kStep && time_ - side.looked_at < kPause) return;
+  const Camera& camera = side.camera;
   std::optional<std::vector<BrightSpot>> spots;
   if (options_.locate_lights) {
-    spots = find_bright_spots(known.pixels(picture), camera, known.lens, camera_from_marker,
-                              exposure, bright_);
+    spots = find_bright_spots(posed.pixels(), camera, side.lens, posed.poses, exposure, bright_);
     if (!spots) return;
   }
-  known.looked_from = eye, known.looked_at = time_;
+  side.looked_from = eye, side.looked_at = time_;
   far_ += glm::length(eye - options_.centre), ++looks_;
   if (!spots) return;  // near things are in doubt anyway
   tracks_.add(eye, *spots, [&](const glm::dvec3& direction) {
-    const auto pixel = known.lens.project(half.rotation * direction);
+    const auto pixel = side.lens.project(half.rotation * direction);
     return pixel && std::abs(2 * pixel->x / camera.width - 1) < kInside &&
            std::abs(2 * pixel->y / camera.height - 1) < kInside;
   });
@@ -76,20 +75,21 @@ Capture::Parallax Capture::parallax() const {
 }
 
 // A near light hides what is far behind it, which other tiles than its own show.
-void Capture::find_hidden(const KnownCamera& known, const RowPoses& camera_from_marker) {
+void Capture::find_hidden(const PosedPicture& posed) {
+  const CameraSide& side = posed.side;
   hidden_.clear();
-  const Pose half = camera_from_marker.at(0.5);
+  const Pose half = posed.half();
   for (const LightPosition& light : surroundings_.lights()) {
     glm::dvec3 seen = half * light.position;
-    auto pixel = known.lens.project(seen);
-    if (pixel && camera_from_marker.rolling()) {
-      seen = camera_from_marker.at(pixel->y / known.camera.height) * light.position;
-      pixel = known.lens.project(seen);
+    auto pixel = side.lens.project(seen);
+    if (pixel && posed.poses.rolling()) {
+      seen = posed.poses.at(pixel->y / side.camera.height) * light.position;
+      pixel = side.lens.project(seen);
     }
     if (!pixel) continue;
     const double distance = glm::length(seen);
     // Towards the picture's border the same angle covers more pixels.
-    const double slope = distance / seen.z, focal = std::max(known.camera.fx, known.camera.fy);
+    const double slope = distance / seen.z, focal = std::max(side.camera.fx, side.camera.fy);
     const double radius = kOutline * light.radius / distance * focal * slope * slope + kPixelBlur;
     hidden_.push_back({float(pixel->x), float(pixel->y), float(radius * radius)});
   }

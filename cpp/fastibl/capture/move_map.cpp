@@ -88,12 +88,12 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   renew_all();
 }
 
-void Capture::find_distance(const Picture& picture, const KnownCamera& known, const RowPoses& poses,
-                            ImageView<const std::uint8_t> mask) {
+void Capture::find_distance(const PosedPicture& posed) {
   if (options_.distance || options_.box || !sweep_.wants_more()) return;
+  const CameraSide& side = posed.side;
   sweep_.add(
-      known.pixels(picture), known.camera, known.lens, poses,
-      [&](float x, float y) { return known.vignette(x, y); }, mask);
+      posed.pixels(), side.camera, side.lens, posed.poses,
+      [&](float x, float y) { return side.vignette(x, y); }, posed.mask);
   if (const auto better = sweep_.better_than(surface())) move_to(*better);
 }
 

@@ -1,4 +1,5 @@
-// What the map knows of the places that a picture shows.
+#include "fastibl/capture/probe_level.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -14,7 +15,7 @@ constexpr float kKnown = 0.15f;           // relative standard deviation of what
 
 }  // namespace
 
-std::vector<std::optional<glm::dvec3>> Capture::probe_rays(const Camera& camera, const Lens& lens) {
+std::vector<std::optional<glm::dvec3>> probe_rays(const Camera& camera, const Lens& lens) {
   std::vector<std::optional<glm::dvec3>> rays;
   for (int row = 0; row < kRows; ++row)
     for (int column = 0; column < kColumns; ++column)
@@ -23,11 +24,12 @@ std::vector<std::optional<glm::dvec3>> Capture::probe_rays(const Camera& camera,
   return rays;
 }
 
-void Capture::probe_level(const Picture& picture, const KnownCamera& k, const RowPoses& poses,
-                          ImageView<const std::uint8_t> mask, bool unsure,
+void Capture::probe_level(const PosedPicture& posed, bool unsure,
                           std::vector<LevelProbe>& probes) const {
-  const Camera& camera = k.camera;
-  const PixelReader pixels = k.pixels(picture);
+  const CameraSide& side = posed.side;
+  const Camera& camera = side.camera;
+  const Picture& picture = posed.picture;
+  const PixelReader pixels = posed.pixels();
   // As large as a texel in the middle of a face.
   const int texel = int(std::lround(2 * std::min(camera.fx, camera.fy) / map_.grid().size));
   const int size = std::min({std::clamp(texel, 1, kLargest), picture.width, picture.height});
@@ -35,14 +37,14 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
   if (options_.board) page = 0.5 * glm::dvec2(options_.board->width, options_.board->height);
   for (int row = 0; row < kRows; ++row) {
     const double cy = (row + 0.5) * picture.height / kRows;
-    const Pose marker_from_camera = poses.at(cy / picture.height).inverse();
+    const Pose marker_from_camera = posed.poses.at(cy / picture.height).inverse();
     const glm::dvec3& eye = marker_from_camera.translation;
     for (int column = 0; column < kColumns; ++column) {
       const double cx = (column + 0.5) * picture.width / kColumns;
       const int x = std::clamp(int(cx) - size / 2, 0, picture.width - size);
       const int y = std::clamp(int(cy) - size / 2, 0, picture.height - size);
-      if (!mask.empty() && !*mask.pixel(int(cx), int(cy))) continue;
-      const std::optional<glm::dvec3>& ray = k.probe_rays[std::size_t(row * kColumns + column)];
+      if (!posed.mask.empty() && !*posed.mask.pixel(int(cx), int(cy))) continue;
+      const std::optional<glm::dvec3>& ray = side.probe_rays[std::size_t(row * kColumns + column)];
       if (!ray) continue;
       glm::dvec3 direction = glm::normalize(marker_from_camera.rotation * *ray);
       if (direction.z >= 0) {
@@ -69,7 +71,7 @@ void Capture::probe_level(const Picture& picture, const KnownCamera& k, const Ro
         const float value = map_.state.value[c][at];
         lit &= value > 0;
         probe.sure &= map_.state.variance[c][at] < kKnown * kKnown * value * value;
-        probe.expected[c] = value * float(camera.gain * k.vignette(float(cx), float(cy)));
+        probe.expected[c] = value * float(camera.gain * side.vignette(float(cx), float(cy)));
       }
       if (!lit || !(probe.sure || unsure)) continue;
       if (!probe.sure) probe.expected *= change_since(seen);

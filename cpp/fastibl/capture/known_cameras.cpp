@@ -1,0 +1,49 @@
+#include "fastibl/capture/known_cameras.h"
+
+#include <algorithm>
+
+namespace fastibl {
+namespace {
+
+constexpr std::size_t kCameras = 4;  // remembered of each kind: those used last
+
+}  // namespace
+
+KnownCamera::KnownCamera(const Camera& camera, int number, int texels)
+    : camera_(camera), number_(number) {
+  if (camera.model == CameraModel::perspective) {
+    sides_.emplace_back(camera);
+    return;
+  }
+  wide_ = sides_of(camera, texels);
+  for (const WideSide& side : wide_) sides_.emplace_back(side.camera, side.vignette).of_wide = true;
+}
+
+KnownCamera& KnownCameras::get(const Camera& camera, int number, int texels) {
+  std::vector<KnownCamera>& all = camera.model == CameraModel::perspective ? perspective_ : wide_;
+  ++used_;
+  for (KnownCamera& known : all)
+    if (known.is(camera, number)) {
+      known.used = used_;
+      return known;
+    }
+  camera.validate();
+  if (all.size() == kCameras) {  // a zoom makes a new one for each picture
+    const auto oldest = std::min_element(
+        all.begin(), all.end(),
+        [](const KnownCamera& a, const KnownCamera& b) { return a.used < b.used; });
+    forgot_assumed_ |= oldest->doubt.assumed();
+    all.erase(oldest);
+  }
+  KnownCamera& known = all.emplace_back(camera, number, texels);
+  known.used = used_, known.first = ++known_;
+  return known;
+}
+
+bool KnownCameras::any_assumed() const {
+  const auto is_assumed = [](const KnownCamera& known) { return known.doubt.assumed(); };
+  return forgot_assumed_ || std::any_of(perspective_.begin(), perspective_.end(), is_assumed) ||
+         std::any_of(wide_.begin(), wide_.end(), is_assumed);
+}
+
+}  // namespace fastibl

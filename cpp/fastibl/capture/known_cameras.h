@@ -1,0 +1,67 @@
+// What is remembered of the cameras whose pictures are taken into a map.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "fastibl/capture/camera_side.h"
+#include "fastibl/capture/exposure_doubt.h"
+#include "fastibl/capture/wide_picture.h"
+#include "fastibl/core/image.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/picture.h"
+
+namespace fastibl {
+
+class KnownCamera {
+ public:
+  // number: distinguishes cameras with the same parameters. texels: along an edge of a face of the
+  // map.
+  KnownCamera(const Camera& camera, int number, int texels);
+
+  bool is(const Camera& other, int other_number) const {
+    return number_ == other_number && camera_ == other;
+  }
+  bool perspective() const { return camera_.model == CameraModel::perspective; }
+  // Visits what each side shows of a picture, which is valid until the next one is visited.
+  template <class Visit>
+  void each_side(const Picture& picture, const RowPoses& poses, ImageView<const std::uint8_t> mask,
+                 const Visit& visit) {
+    if (perspective()) visit(PosedPicture{picture, sides_.front(), poses, mask});
+    for (std::size_t i = 0; i < wide_.size(); ++i) {
+      shown_.take(wide_[i], picture, mask);
+      const RowPoses turned(wide_[i].side_from_camera * poses.at(0.5));
+      visit(PosedPicture{shown_.picture(), sides_[i], turned, shown_.mask()});
+    }
+  }
+
+  std::int64_t used = 0;  // when it was last used, counted in pictures
+  int first = 0;          // the camera's number in order of appearance, from 1
+  ExposureDoubt doubt;
+  bool metered = false;  // whether the board's white was read in its pictures
+
+ private:
+  Camera camera_;
+  int number_;
+  std::vector<WideSide> wide_;  // of a fisheye or 360° camera
+  SidePicture shown_;
+  std::vector<CameraSide> sides_;  // one for each of these, or that of a perspective camera
+};
+
+class KnownCameras {
+ public:
+  // The camera with these parameters, which stays valid until another one is asked for. Throws
+  // std::invalid_argument for a new one that is not valid.
+  KnownCamera& get(const Camera& camera, int number, int texels);
+  // Whether all that any camera showed, also of those that were forgotten, is in an assumed scale.
+  bool any_assumed() const;
+
+ private:
+  std::vector<KnownCamera> perspective_, wide_;
+  std::int64_t used_ = 0;        // pictures
+  int known_ = 0;                // cameras so far
+  bool forgot_assumed_ = false;  // a camera whose scale was assumed
+};
+
+}  // namespace fastibl
