@@ -17,9 +17,7 @@ namespace {
 // Around the page, for blur and the pose's error, which grow with how far off a large page is seen:
 // metres, and as a share of the page's longer side.
 constexpr double kBoardMargin = 0.01, kBoardMarginShare = 1 / 30.0;
-constexpr double kMeterPause = 0.1;               // seconds between readings of the board's white
 constexpr double kFarther = 2, kFartherBy = 0.3;  // factor, metres: beyond, wide pictures tell less
-constexpr std::size_t kChanges = 16;              // of all the light that are remembered
 constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
@@ -48,12 +46,12 @@ Capture::Capture(CaptureOptions options)
                     {options_.centre, options_.distance.value_or(kInfinity), options_.box}),
       sweep_(options_.centre),
       tracks_(options_.centre),
-      unseen_(map_.grid(), float(options_.plane_albedo)) {
+      unseen_(map_.grid(), float(options_.plane_albedo)),
+      meter_(options_.board, options_.paper_albedo),
+      scale_(map_.grid()) {
   const std::size_t tiles = std::size_t(map_.grid().count());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
-  scales_.assign(tiles, kNoScale);
   at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0), eyes_.assign(tiles, options_.centre);
-  if (options_.board) meter_.emplace(*options_.board, options_.paper_albedo);
   if (options_.prior) {
     prior_.emplace(*options_.prior, map_.grid());
     unseen_.give_sky();
@@ -104,7 +102,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
     if (doubt.found_change()) distrust(*doubt.found_change());
     if (taken.as == TakenAs::left_out) return taken;
     if (taken.as == TakenAs::assumed) {
-      taken.exposure = assumed_exposure(picture, camera).value_or(taken.exposure);
+      taken.exposure = meter_.assumed_exposure(picture, camera).value_or(taken.exposure);
       doubt.assume(taken.exposure);
     }
   }
@@ -116,8 +114,9 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
     metered = known.perspective() && plane && read_meter(posed, known, taken);
   });
   const bool assumed = doubt.assumed() && !known.metered;
-  note_scales(changed, assumed ? known.first : 0, !exposure);
-  if (metered) mend_scale(changed);
+  scale_.note(changed, assumed ? known.first : 0, !exposure);
+  if (metered && !prior_ && !map_.boost.any())
+    scale_.mend(map_, *meter_.irradiance(), time_, changed);
   if (any) take_changes(changed, refills);
   return taken;
 }
@@ -204,33 +203,21 @@ bool Capture::take(const PosedPicture& posed, const Taken& taken, bool plane,
 
 void Capture::distrust(const glm::dvec3& log_change) {
   const glm::dvec3 size = glm::abs(log_change);
-  fastibl::distrust(map_.state, std::max({size.x, size.y, size.z}));
-  if (changes_.size() == kChanges) changes_.erase(changes_.begin());
-  changes_.push_back({time_, log_change});
-  const std::uint64_t version = new_tile_version();
-  for (int tile = 0; tile < map_.grid().count(); ++tile) {
-    relate_variances(map_.state, map_.geometry.start(tile), map_.geometry.texels(tile));
-    map_.versions[std::size_t(tile)] = version;
-  }
-}
-
-glm::vec3 Capture::change_since(double time) const {
-  glm::dvec3 sum(0);
-  for (const Change& change : changes_)
-    if (change.time >= time) sum += change.log_ratio;
-  return glm::exp(sum);
+  map_.distrust(std::max({size.x, size.y, size.z}));
+  changes_.add(time_, log_change);
 }
 
 bool Capture::read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken) {
-  if (!meter_ || std::abs(time_ - metered_) < kMeterPause) return false;
-  auto read = meter_->read(posed.pixels(), posed.side.camera, posed.side.lens, posed.half(),
-                           taken.exposure);
-  if (!read) return false;
-  *read /= taken.tint;
-  if (!std::exchange(known.metered, true)) know_scale(known.first);
-  metered_ = time_, plane_irradiance_ = read;
-  unseen_.measure_plane(*read, kMeterDeviation * *read);
+  if (!meter_.read(posed, taken, time_)) return false;
+  if (!std::exchange(known.metered, true)) scale_.know(known.first);
+  unseen_.measure_plane(*meter_.irradiance(), kMeterDeviation * *meter_.irradiance());
   return true;
+}
+
+double Capture::scale_error() const {
+  if (!cameras_.any_assumed()) return 0;
+  const glm::dvec3 unseen = unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected);
+  return fastibl::scale_error(map_.seen_sky_irradiance() + unseen, meter_.irradiance());
 }
 
 void Capture::find_bands(const std::vector<TexelView>& bands, float height) {

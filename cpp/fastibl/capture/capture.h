@@ -6,14 +6,16 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/assumed_scale.h"
 #include "fastibl/capture/capture_options.h"
 #include "fastibl/capture/exposure_doubt.h"
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/known_cameras.h"
-#include "fastibl/capture/light_meter.h"
+#include "fastibl/capture/light_changes.h"
 #include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/map_tiles.h"
 #include "fastibl/capture/next_exposure.h"
+#include "fastibl/capture/plane_meter.h"
 #include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/sphere_sweep.h"
 #include "fastibl/capture/surroundings.h"
@@ -81,7 +83,7 @@ class Capture {
   double time() const { return time_; }
   // How often everything that a camera without told exposures had shown was made brighter or darker
   // as a whole, so that the sky lights the board as its white says.
-  int mended() const { return mended_; }
+  int mended() const { return scale_.mended(); }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
@@ -94,28 +96,7 @@ class Capture {
   void probe_level(const PosedPicture& posed, bool unsure, std::vector<LevelProbe>& probes) const;
   // Notes that all of the map may be wrong by this factor, ln by channel.
   void distrust(const glm::dvec3& log_change);
-  // Factor by which the place is thought to have changed since then.
-  glm::vec3 change_since(double time) const;
-  // In camera_scale.cpp. The exposure of a picture with which the sky, if it were all as bright as
-  // the picture, would light the plane as the board's white says; std::nullopt if the white was not
-  // seen, or the picture is black.
-  std::optional<double> assumed_exposure(const Picture& picture, const Camera& camera) const;
-  // Relative error of the irradiance, by the board's white, where a camera's scale was assumed.
   double scale_error() const;
-  // The scale of what a tile shows: one of these, or that assumed for a camera
-  // (KnownCamera::first).
-  static constexpr int kNoScale = 0, kOwnScale = -1;
-  // Notes the scale of tiles that a picture changed. assumed_of: its camera if the camera's scale
-  // was assumed, else 0.
-  void note_scales(const std::vector<int>& tiles, int assumed_of, bool untold);
-  // For when the board's white was read in that camera's pictures: what it showed is in its own
-  // scale.
-  void know_scale(int first);
-  // Makes what is in an assumed scale as bright as the board's white says; appends such tiles.
-  void mend_scale(std::vector<int>& changed);
-  // The factor for that, if it is known: `factor` where more of the sky was seen than before, else
-  // its change if that may be believed. share: of the sky that was seen.
-  std::optional<double> mending(double share, double factor, bool follow);
   // True if the picture shows the board's white well enough.
   bool read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken);
   // Renews boost_; appends tiles that show it. In capture_map.cpp.
@@ -196,17 +177,8 @@ class Capture {
   double bright_ = 0;         // radiance of what is a light, see locate_lights.cpp
   std::vector<Disc> hidden_;  // parts of the picture that show lights
   UnseenTiles unseen_;
-  std::optional<LightMeter> meter_;
-  double metered_ = kNever;                     // seconds
-  std::optional<glm::dvec3> plane_irradiance_;  // what it read last
-  std::vector<int> scales_;                     // by tile
-  double scaled_at_ = 0;  // share of the sky that had been seen when the scale was last checked
-  struct Balance {        // what the white and the seen sky said of the scale
-    double factor, share;
-    double since;  // seconds: when they last agreed with that
-  };
-  std::optional<Balance> balance_;
-  int mended_ = 0;
+  PlaneMeter meter_;
+  AssumedScale scale_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
   std::vector<glm::vec3> filled_;         // by tile: the mean of unseen texels in the map
@@ -214,11 +186,7 @@ class Capture {
   int next_refill_ = 0, pictures_ = 0;
   std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
   KnownCameras cameras_;
-  struct Change {
-    double time;  // seconds
-    glm::dvec3 log_ratio;
-  };
-  std::vector<Change> changes_;  // of all the light, as they were found: the latest last
+  LightChanges changes_;
   std::optional<Camera> last_camera_;
   FrameLevels levels_;
   std::vector<float> most_pixels_;

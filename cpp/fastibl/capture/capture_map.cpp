@@ -106,7 +106,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
   flux += boosted, up_flux += boosted;
   snapshot.time = time_;
   snapshot.centre = options_.centre, snapshot.box = told_box();
-  snapshot.plane_irradiance = plane_irradiance_;
+  snapshot.plane_irradiance = meter_.irradiance();
   snapshot.light_positions = tracks_.positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
@@ -119,8 +119,8 @@ void Capture::update_snapshot(Environment& snapshot) const {
                         near.doubt,
                         flux > 0 ? from_prior / flux : 0,
                         up_flux > 0 ? boosted / up_flux : 0,
-                        plane_irradiance_.has_value(),
-                        options_.most_boost > 1 && plane_irradiance_,
+                        meter_.irradiance().has_value(),
+                        options_.most_boost > 1 && meter_.irradiance(),
                         scale_error()};
   const ErrorInterval error = expected_error(snapshot.knowledge);
   snapshot.predicted_error = error.expected;
@@ -128,7 +128,7 @@ void Capture::update_snapshot(Environment& snapshot) const {
 }
 
 void Capture::boost_lights(std::vector<int>& shown) {
-  if (!plane_irradiance_) return;
+  if (!meter_.irradiance()) return;
   BoundLight bounds;
   for (int tile = 0; tile < map_.grid().count(); ++tile) {
     const std::size_t i = std::size_t(tile), start = i * std::size_t(map_.grid().stride());
@@ -139,12 +139,12 @@ void Capture::boost_lights(std::vector<int>& shown) {
   }
   // The unseen light may be brighter by as much again, or not there.
   const glm::dvec3 unseen = unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected),
-                   unsure = kMeterDeviation * *plane_irradiance_;
+                   unsure = kMeterDeviation * *meter_.irradiance();
   const LightBoost boost =
-      boost_of(bounds, *plane_irradiance_ - map_.seen_sky_irradiance() - unseen,
+      boost_of(bounds, *meter_.irradiance() - map_.seen_sky_irradiance() - unseen,
                glm::sqrt(unseen * unseen + unsure * unsure), options_.most_boost);
   // No light is counted twice: only the rest may be in what was not seen.
-  unseen_.measure_plane(*plane_irradiance_ - added(boost, bounds), unsure);
+  unseen_.measure_plane(*meter_.irradiance() - added(boost, bounds), unsure);
   if (moved(map_.boost.whole, boost.whole) || moved(map_.boost.part, boost.part))
     map_.boost = boost;
   else

@@ -74,6 +74,15 @@ void MapTiles::make_levels(int tile) {
   quiet.place_probes(tile, pyramids);
 }
 
+void MapTiles::distrust(double share) {
+  fastibl::distrust(state, share);
+  const std::uint64_t version = new_tile_version();
+  for (int tile = 0; tile < grid().count(); ++tile) {
+    relate_variances(state, geometry.start(tile), geometry.texels(tile));
+    versions[std::size_t(tile)] = version;
+  }
+}
+
 void MapTiles::renew() {
   quiet = QuietTiles(grid());
   const std::uint64_t version = new_tile_version();

@@ -36,8 +36,9 @@ struct MapTiles {
   // Fetches what a picture changes of a tile.
   void prefetch(int tile) const;
 
-  void sum(int tile);          // renews its sums
-  void make_levels(int tile);  // for one of which any texel was seen
+  void sum(int tile);           // renews its sums
+  void make_levels(int tile);   // for one of which any texel was seen
+  void distrust(double share);  // lets all values be wrong by this
   // Renews the sums and versions of all tiles, and forgets what pictures agreed with.
   void renew();
 

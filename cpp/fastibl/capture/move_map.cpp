@@ -83,7 +83,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
   plane_seen_.assign(plane_seen_.size(), 0), at_rim_.assign(at_rim_.size(), 0);
   eyes_.assign(eyes_.size(), glm::dvec3(kInfinity));
-  scales_.assign(scales_.size(), kOwnScale);  // tiles mix
+  scale_.mix();
   unseen_ = UnseenTiles(map_.grid(), float(options_.plane_albedo));
   renew_all();
 }
@@ -131,15 +131,15 @@ void Capture::move_to(const MapSurface& surface) {
     return before.is_usual(before.depth(map_.geometry.tile_in(there))) ? std::optional(there)
                                                                        : std::nullopt;
   });
-  std::vector<glm::dvec3> eyes = eyes_;
-  std::vector<int> scales = scales_;
-  for (int tile = 0; tile < map_.grid().count(); ++tile) {
-    if (!map_.above(tile)) continue;
-    const std::size_t from =
-        std::size_t(map_.geometry.tile_in(recorded_in(tile, map_.geometry.outlines.middle(tile))));
-    eyes[std::size_t(tile)] = eyes_[from], scales[std::size_t(tile)] = scales_[from];
-  }
-  eyes_ = std::move(eyes), scales_ = std::move(scales);
+  std::vector<int> from(eyes_.size());
+  std::iota(from.begin(), from.end(), 0);
+  for (int tile = 0; tile < map_.grid().count(); ++tile)
+    if (map_.above(tile))
+      from[std::size_t(tile)] =
+          map_.geometry.tile_in(recorded_in(tile, map_.geometry.outlines.middle(tile)));
+  const std::vector<glm::dvec3> eyes = eyes_;
+  for (std::size_t i = 0; i < from.size(); ++i) eyes_[i] = eyes[std::size_t(from[i])];
+  scale_.move(from);
   at_rim_.assign(at_rim_.size(), 0);
   renew_all();
 }

@@ -74,7 +74,7 @@ void Capture::probe_level(const PosedPicture& posed, bool unsure,
         probe.expected[c] = value * float(camera.gain * side.vignette(float(cx), float(cy)));
       }
       if (!lit || !(probe.sure || unsure)) continue;
-      if (!probe.sure) probe.expected *= change_since(seen);
+      if (!probe.sure) probe.expected *= changes_.since(seen);
       const PixelReader::Block part = pixels.block(x, y, size, size > 2 * kStep ? kStep : 1);
       probe.linear = part.linear, probe.clipped = part.clipped;
       probes.push_back(probe);

@@ -99,7 +99,7 @@ void Capture::refill_from_prior(int tile) {
 
 bool Capture::match_prior(std::vector<int>& refilled) {
   const float moved = prior_->match(map_.sums, map_.geometry.tile_angle,
-                                    map_.geometry.tile_projected, sky_, plane_irradiance_);
+                                    map_.geometry.tile_projected, sky_, meter_.irradiance());
   if (!(moved > 0)) return false;
   for (const int tile : sky_) {
     unseen_.give(tile, prior_->mean(tile));
