@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "fastibl/capture/footprint.h"
+#include "fastibl/capture/move_map.h"
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/prefetch.h"
@@ -14,13 +16,9 @@
 namespace fastibl {
 namespace {
 
-// Around the page, for blur and the pose's error, which grow with how far off a large page is seen:
-// metres, and as a share of the page's longer side.
-constexpr double kBoardMargin = 0.01, kBoardMarginShare = 1 / 30.0;
 constexpr double kFarther = 2, kFartherBy = 0.3;  // factor, metres: beyond, wide pictures tell less
 constexpr double kRimOfLight = 0.25;              // of a light's radiance: reached at its rim
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kLargestScale = 1e30;  // of linear values: no exposure is so short
+constexpr double kLargestScale = 1e30;            // of linear values: no exposure is so short
 // Bands of rows that share a pose: at 60 degrees a second and 30 ms of readout, neighbouring bands
 // differ by 0.1 degrees.
 constexpr int kBands = 16;
@@ -42,16 +40,13 @@ struct Capture::View {
 Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
       map_(TileGrid{options_.size}),
-      surroundings_(map_.geometry.outlines,
-                    {options_.centre, options_.distance.value_or(kInfinity), options_.box}),
-      sweep_(options_.centre),
-      tracks_(options_.centre),
+      place_(options_, map_.geometry.outlines),
+      views_(map_.grid(), options_.centre),
       unseen_(map_.grid(), float(options_.plane_albedo)),
       meter_(options_.board, options_.paper_albedo),
       scale_(map_.grid()) {
   const std::size_t tiles = std::size_t(map_.grid().count());
   filled_.resize(tiles), stale_fill_.assign(tiles, 0);
-  at_rim_.assign(tiles, 0), plane_seen_.assign(tiles, 0), eyes_.assign(tiles, options_.centre);
   if (options_.prior) {
     prior_.emplace(*options_.prior, map_.grid());
     unseen_.give_sky();
@@ -128,17 +123,9 @@ bool Capture::take(const PosedPicture& posed, const Taken& taken, bool plane,
   const Camera& camera = side.camera;
   const double exposure = taken.exposure;
   const double tint = (taken.tint.x + taken.tint.y + taken.tint.z) / 3;  // of what is grey
-  if (plane) {
-    find_distance(posed);
-    locate_lights(posed, exposure * tint);
-  }
-  find_hidden(posed);
-  Viewpoint viewpoint{options_.centre, surroundings_};
-  if (options_.board) {
-    const glm::dvec2 page(options_.board->width, options_.board->height);
-    viewpoint.masked =
-        0.5 * page + std::max(kBoardMargin, kBoardMarginShare * std::max(page.x, page.y));
-  }
+  if (plane) learn_layout(posed, exposure * tint);
+  hidden_ = discs_of(place_.surroundings().lights(), posed);
+  const Viewpoint viewpoint = place_.viewpoint();
   std::vector<TexelView> texels, halved;
   const int bands = poses.rolling() ? kBands : 1;
   for (int band = 0; band < bands; ++band) {
@@ -164,7 +151,7 @@ bool Capture::take(const PosedPicture& posed, const Taken& taken, bool plane,
     }
   if (!plane)
     std::erase_if(tiles_, [&](int tile) {
-      return plane_seen_[std::size_t(tile)] != 0 && map_.was_seen_whole(tile);
+      return views_.plane_seen[std::size_t(tile)] != 0 && map_.was_seen_whole(tile);
     });
   const glm::dvec3 eye = posed.eye();
   if (side.of_wide) leave_out_far_tiles(eye);
@@ -195,10 +182,57 @@ bool Capture::take(const PosedPicture& posed, const Taken& taken, bool plane,
   for (std::size_t i = 0; i < tiles_.size(); ++i)
     if (changed_[i]) {
       changed.push_back(tiles_[i]);
-      eyes_[std::size_t(tiles_[i])] = eye;
-      if (plane && !map_.above(tiles_[i])) plane_seen_[std::size_t(tiles_[i])] = 1;
+      views_.eyes[std::size_t(tiles_[i])] = eye;
+      if (plane && !map_.above(tiles_[i])) views_.plane_seen[std::size_t(tiles_[i])] = 1;
     }
   return true;
+}
+
+void Capture::learn_layout(const PosedPicture& posed, double exposure) {
+  const TileOutlines& outlines = map_.geometry.outlines;
+  if (const auto surface = place_.find_surface(posed)) {
+    const Surroundings before = place_.move_to(*surface, outlines);
+    const std::vector<int> from = move_map(before, place_, views_, map_);
+    views_.move(from), scale_.move(from);
+    renew_all();
+  }
+  const std::vector<int> moved = place_.locate_lights(posed, outlines, exposure, bright_, time_);
+  if (moved.empty()) return;
+  for (const LightPosition& light : place_.tracks().positions())
+    for (const int tile : forget_light(light, moved, place_, bright_, map_)) {
+      new_sums_.push_back(tile);
+      refill(tile);
+    }
+}
+
+void Capture::turn(const glm::dmat3& new_from_old) {
+  check(is_rotation(new_from_old, 1e-3), "a map can only be turned by a rotation");
+  turn_map(new_from_old, map_);
+  place_.turn(new_from_old, map_.geometry.outlines);
+  views_.mix(), scale_.mix();
+  prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
+  unseen_ = UnseenTiles(map_.grid(), float(options_.plane_albedo));
+  renew_all();
+}
+
+// Renews the fills of all tiles.
+void Capture::renew_all() {
+  std::vector<int> all(std::size_t(map_.grid().count())), refilled;
+  std::iota(all.begin(), all.end(), 0);
+  new_sums_.clear();
+  unseen_.update(all, map_.sums, map_.geometry.tile_projected, time_, true, refilled);
+  for (const int tile : all)
+    if (!refill(tile)) map_.make_levels(tile);
+}
+
+double Capture::mean_radiance() const {
+  double flux = 0, angle = 0;
+  for (std::size_t i = 0; i < map_.sums.size(); ++i) {
+    const glm::dvec3 seen = map_.sums[i].flux;
+    angle += map_.sums[i].angle;
+    flux += seen.x + seen.y + seen.z + filled_flux(i);
+  }
+  return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // 0, not the guess for unseen parts
 }
 
 void Capture::distrust(const glm::dvec3& log_change) {
@@ -228,7 +262,7 @@ void Capture::find_bands(const std::vector<TexelView>& bands, float height) {
   for (const int tile : tiles_) {
     const FaceRect r = tile_rect(map_.grid(), tile);
     const float s = 0.5f * step * float(r.x0 + r.x1) - 1, t = 0.5f * step * float(r.y0 + r.y1) - 1;
-    const TexelGroup middle{r.face, s, t, 0, none, none, 1, 1, surroundings_.depth(tile)};
+    const TexelGroup middle{r.face, s, t, 0, none, none, 1, 1, place_.surroundings().depth(tile)};
     const auto pixel_in = [&](int band) {
       return bands[std::size_t(band)].pixel(middle, map_.above(tile));
     };
@@ -268,7 +302,7 @@ bool Capture::look(const View& view, const Depth& depth, int count, bool fine, S
     for (int i = 0; i < count; ++i)
       if (sightings.seen[i])
         sightings.seen[i] = *view.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
-  if (surroundings_.is_usual(depth))
+  if (place_.surroundings().is_usual(depth))
     for (const Disc& disc : hidden_)
       for (int i = 0; i < lanes_of(count); ++i) {
         const float x = sightings.x[i] - disc.x, y = sightings.y[i] - disc.y;
@@ -309,9 +343,9 @@ TileSighting Capture::sighting(const View& view, int tile, const Sightings& sigh
 void Capture::leave_out_far_tiles(const glm::dvec3& eye) {
   const double distance = glm::length(eye - options_.centre);
   std::erase_if(tiles_, [&](int tile) {
-    const double nearer = glm::length(eyes_[std::size_t(tile)] - options_.centre);
+    const double nearer = glm::length(views_.eyes[std::size_t(tile)] - options_.centre);
     return map_.above(tile) && map_.was_seen_whole(tile) &&
-           surroundings_.is_usual(surroundings_.depth(tile)) &&
+           place_.surroundings().is_usual(place_.surroundings().depth(tile)) &&
            distance > kFarther * nearer + kFartherBy;
   });
 }
@@ -321,7 +355,7 @@ void Capture::leave_out_quiet_tiles(const View& view) {
   std::vector<std::vector<int>> groups(12 * view.halved.size());
   for (const int tile : tiles_)
     if (map_.quiet.may_leave_out(tile, time_) &&
-        surroundings_.is_usual(surroundings_.depth(tile))) {
+        place_.surroundings().is_usual(place_.surroundings().depth(tile))) {
       const int group = 2 * (tile / map_.grid().per_face()) + map_.above(tile);
       groups[std::size_t(12 * roll_[std::size_t(tile)].band + group)].push_back(tile);
       prefetch_items(map_.quiet.value(tile, 0), 6 * QuietTiles::kProbes);
@@ -366,8 +400,15 @@ void Capture::compare_probes(const View& view, const int* tiles, int count) {
     }
   }
   const float first = 1.0f / float(half) - 1;
-  const TexelGroup group{face, first, first, 2.0f / float(half),           columns,
-                         rows, lanes, lanes, surroundings_.depth(tiles[0])};
+  const TexelGroup group{face,
+                         first,
+                         first,
+                         2.0f / float(half),
+                         columns,
+                         rows,
+                         lanes,
+                         lanes,
+                         place_.surroundings().depth(tiles[0])};
   Sightings sightings;
   const TexelView& halved = view.halved[std::size_t(roll_[std::size_t(tiles[0])].band)];
   if (!halved.see(group, map_.above(tiles[0]), sightings)) return;
@@ -410,18 +451,19 @@ bool Capture::add_tile(const View& view, int tile) {
   TileSighting shown{};
   for (int k = 0; k < all; k += kTexelLanes) {
     const int count = std::min(kTexelLanes, all - k);
-    const TexelGroup group = map_.geometry.group(tile, k, count, surroundings_.depth(tile));
+    const TexelGroup group = map_.geometry.group(tile, k, count, place_.surroundings().depth(tile));
     if (!texels.see(group, sightings)) {
       whole = false;
       continue;
     }
-    if (!view.plane && plane_seen_[std::size_t(tile)] &&
+    if (!view.plane && views_.plane_seen[std::size_t(tile)] &&
         !leave_out_seen(tile, k, count, sightings)) {
       whole = false;
       continue;
     }
     unroll(view.side.camera, roll_[std::size_t(tile)], 0, count, sightings);
-    rim |= look(view, group.depth, count, at_rim_[std::size_t(tile)] != 0, sightings, samples);
+    rim |=
+        look(view, group.depth, count, views_.at_rim[std::size_t(tile)] != 0, sightings, samples);
     const TileSighting part = sighting(view, tile, sightings, samples, 0, count);
     shown = any ? joined(shown, part) : part;
     any = true;
@@ -435,7 +477,7 @@ bool Capture::add_tile(const View& view, int tile) {
     map_.quiet.add_blocks(k, count, left, unsure);
   }
   if (!any) return false;
-  if (view.light < 1) at_rim_[std::size_t(tile)] = rim;  // otherwise white is no light
+  if (view.light < 1) views_.at_rim[std::size_t(tile)] = rim;  // otherwise white is no light
   if (whole) map_.state.last_seen.set(tile, time_);
   relate_variances(map_.state, start, all);
   map_.sum(tile);

@@ -12,13 +12,13 @@
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/known_cameras.h"
 #include "fastibl/capture/light_changes.h"
-#include "fastibl/capture/light_tracks.h"
 #include "fastibl/capture/map_tiles.h"
+#include "fastibl/capture/near_lights.h"
 #include "fastibl/capture/next_exposure.h"
+#include "fastibl/capture/place_layout.h"
 #include "fastibl/capture/plane_meter.h"
 #include "fastibl/capture/prior_map.h"
-#include "fastibl/capture/sphere_sweep.h"
-#include "fastibl/capture/surroundings.h"
+#include "fastibl/capture/tile_views.h"
 #include "fastibl/capture/unseen.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
@@ -78,7 +78,7 @@ class Capture {
   // Metres to what is seen above the horizon: as given, or as the pictures say so far. Without
   // meaning where there is a box.
   double distance() const { return surface().distance(); }
-  const MapSurface& surface() const { return surroundings_.surface(); }
+  const MapSurface& surface() const { return place_.surface(); }
   const glm::dvec3& centre() const { return options_.centre; }
   double time() const { return time_; }
   // How often everything that a camera without told exposures had shown was made brighter or darker
@@ -104,28 +104,14 @@ class Capture {
   // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
-  // In move_map.cpp. Learns the distance, and then the walls, where neither was given.
-  void find_distance(const PosedPicture& posed);
-  void move_to(const MapSurface& surface);
-  // The room's walls as they now stand to the marker, if they were given.
-  std::optional<RoomBox> told_box() const { return options_.box ? surface().box() : std::nullopt; }
-  template <class Source>
-  void resample(const TexelState& old, const Source& source);
-  // In locate_lights.cpp.
-  void locate_lights(const PosedPicture& posed, double exposure);
+  // Learns where things are, and moves what the map knows of them there.
+  void learn_layout(const PosedPicture& posed, double exposure);
   double mean_radiance() const;
   // Flux of the part of a tile that was not seen, summed over RGB.
   double filled_flux(std::size_t tile) const {
     const glm::dvec3 fill(filled_[tile]);
     return (map_.geometry.tile_angle[tile] - map_.sums[tile].angle) * (fill.x + fill.y + fill.z);
   }
-  struct Parallax {
-    double expected = 0, doubt = 0;  // of the irradiance
-  };
-  Parallax parallax() const;
-  void find_hidden(const PosedPicture& posed);
-  void forget_light(const LightPosition& light, const std::vector<int>& moved);
-  bool forget_bright(int tile);
   // Removes from tiles_ the tiles that the picture need not give.
   void leave_out_quiet_tiles(const View& view);
   // Removes tiles of the sky that were seen whole from much nearer to the centre than `eye` is.
@@ -148,7 +134,7 @@ class Capture {
   bool leave_out_seen(int tile, int first, int count, Sightings& sightings) const;
   bool add_tile(const View& view, int tile);
   void prefetch_rows(int tile, const CubeMap& map) const;
-  void renew_all();  // in move_map.cpp
+  void renew_all();
   // In refill_map.cpp. What follows from tiles that changed; refills: see refills_after().
   void take_changes(const std::vector<int>& changed, int refills);
   // How many tiles may get new values for their unseen texels.
@@ -167,14 +153,9 @@ class Capture {
   MapTiles map_;
   double time_ = -1e30;
   double last_taken_ = -1e30;  // of the last picture that was not left out
-  Surroundings surroundings_;
-  SphereSweep sweep_;
-  LightTracks tracks_;
-  double far_ = 0, looks_ = 0;  // metres from the centre, summed over pictures; their number
-  struct Disc {
-    float x, y, squared_radius;  // pixels
-  };
-  double bright_ = 0;         // radiance of what is a light, see locate_lights.cpp
+  PlaceLayout place_;
+  TileViews views_;
+  double bright_ = 0;         // radiance of what is a light
   std::vector<Disc> hidden_;  // parts of the picture that show lights
   UnseenTiles unseen_;
   PlaneMeter meter_;
@@ -193,10 +174,6 @@ class Capture {
   std::vector<int> tiles_;  // tiles that the picture may see
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
-  std::vector<std::uint8_t> plane_seen_;  // tiles of the plane that were seen from a known place
-  std::vector<glm::dvec3>
-      eyes_;  // by tile: where it was last seen from; infinite: from many places
-  std::vector<std::uint8_t> at_rim_;  // tiles that show the rim of a light: read more finely
   std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, the latest first
 };
 

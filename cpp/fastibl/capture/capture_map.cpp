@@ -105,12 +105,12 @@ void Capture::update_snapshot(Environment& snapshot) const {
   const double boosted = more.x + more.y + more.z;
   flux += boosted, up_flux += boosted;
   snapshot.time = time_;
-  snapshot.centre = options_.centre, snapshot.box = told_box();
+  snapshot.centre = options_.centre, snapshot.box = place_.told_box();
   snapshot.plane_irradiance = meter_.irradiance();
-  snapshot.light_positions = tracks_.positions();
+  snapshot.light_positions = place_.tracks().positions();
   snapshot.coverage = seen / (4 * std::numbers::pi);
   snapshot.clipped = seen > 0 ? bound / seen : 0;
-  const Parallax near = parallax();
+  const PlaceLayout::Parallax near = place_.parallax();
   snapshot.knowledge = {1 - up_seen / up,
                         flux > 0 ? fills / flux : 1,
                         flux > 0 ? little_of(plane_seen) * plane_fills / flux : 0,

@@ -33,8 +33,6 @@ void Capture::probe_level(const PosedPicture& posed, bool unsure,
   // As large as a texel in the middle of a face.
   const int texel = int(std::lround(2 * std::min(camera.fx, camera.fy) / map_.grid().size));
   const int size = std::min({std::clamp(texel, 1, kLargest), picture.width, picture.height});
-  glm::dvec2 page(-1);
-  if (options_.board) page = 0.5 * glm::dvec2(options_.board->width, options_.board->height);
   for (int row = 0; row < kRows; ++row) {
     const double cy = (row + 0.5) * picture.height / kRows;
     const Pose marker_from_camera = posed.poses.at(cy / picture.height).inverse();
@@ -48,11 +46,11 @@ void Capture::probe_level(const PosedPicture& posed, bool unsure,
       if (!ray) continue;
       glm::dvec3 direction = glm::normalize(marker_from_camera.rotation * *ray);
       if (direction.z >= 0) {
-        direction = surroundings_.surface().recorded(eye, direction);
+        direction = surface().recorded(eye, direction);
       } else {
         if (!(eye.z > 0)) continue;
         const glm::dvec3 point = eye - eye.z / direction.z * direction;
-        if (std::abs(point.x) <= page.x && std::abs(point.y) <= page.y) continue;
+        if (place_.on_page(glm::dvec2(point))) continue;
         direction = point - options_.centre;
       }
       const double length = glm::length(direction);
