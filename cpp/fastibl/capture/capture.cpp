@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <numeric>
 #include <utility>
 
 #include "fastibl/capture/footprint.h"
@@ -42,21 +40,9 @@ Capture::Capture(CaptureOptions options)
       map_(TileGrid{options_.size}),
       place_(options_, map_.geometry.outlines),
       views_(map_.grid(), options_.centre),
-      unseen_(map_.grid(), float(options_.plane_albedo)),
+      fills_(options_, map_),
       meter_(options_.board, options_.paper_albedo),
-      scale_(map_.grid()) {
-  const std::size_t tiles = std::size_t(map_.grid().count());
-  filled_.resize(tiles), stale_fill_.assign(tiles, 0);
-  if (options_.prior) {
-    prior_.emplace(*options_.prior, map_.grid());
-    unseen_.give_sky();
-    for (int tile = 0; tile < map_.grid().count(); ++tile)
-      if (map_.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
-    std::vector<int> all;
-    unseen_.update({}, map_.sums, map_.geometry.tile_projected, 0, true, all);
-  }
-  for (int tile = 0; tile < map_.grid().count(); ++tile) refill(tile);
-}
+      scale_(map_.grid()) {}
 
 Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
                    std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
@@ -80,11 +66,13 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
   KnownCamera& known = cameras_.get(camera, number, map_.grid().size);
-  const int refills = refills_after(time, camera);
+  // Pictures without times of their own are stills, not a film.
+  const bool still = time == time_ && last_camera_ == camera;
+  const int refills = fills_.refills_after(time, still);
   time_ = time;
   if (last_camera_ != camera) last_camera_ = camera;
   const RowPoses poses(camera_from_marker, last_row);
-  bright_ = MainLightOptions{}.brightness * mean_radiance();
+  bright_ = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
   Taken taken{.exposure = exposure.value_or(1)};
   ExposureDoubt& doubt = known.doubt;
   if (exposure) doubt.tell();
@@ -110,9 +98,9 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   });
   const bool assumed = doubt.assumed() && !known.metered;
   scale_.note(changed, assumed ? known.first : 0, !exposure);
-  if (metered && !prior_ && !map_.boost.any())
+  if (metered && !fills_.has_prior() && !map_.boost.any())
     scale_.mend(map_, *meter_.irradiance(), time_, changed);
-  if (any) take_changes(changed, refills);
+  if (any) fills_.take(changed, refills, meter_.irradiance(), time_, map_);
   return taken;
 }
 
@@ -194,15 +182,12 @@ void Capture::learn_layout(const PosedPicture& posed, double exposure) {
     const Surroundings before = place_.move_to(*surface, outlines);
     const std::vector<int> from = move_map(before, place_, views_, map_);
     views_.move(from), scale_.move(from);
-    renew_all();
+    fills_.renew(time_, map_);
   }
   const std::vector<int> moved = place_.locate_lights(posed, outlines, exposure, bright_, time_);
   if (moved.empty()) return;
   for (const LightPosition& light : place_.tracks().positions())
-    for (const int tile : forget_light(light, moved, place_, bright_, map_)) {
-      new_sums_.push_back(tile);
-      refill(tile);
-    }
+    fills_.refill(forget_light(light, moved, place_, bright_, map_), map_);
 }
 
 void Capture::turn(const glm::dmat3& new_from_old) {
@@ -210,29 +195,7 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   turn_map(new_from_old, map_);
   place_.turn(new_from_old, map_.geometry.outlines);
   views_.mix(), scale_.mix();
-  prior_.reset(), sky_.clear();  // it was given for the marker as it lay before
-  unseen_ = UnseenTiles(map_.grid(), float(options_.plane_albedo));
-  renew_all();
-}
-
-// Renews the fills of all tiles.
-void Capture::renew_all() {
-  std::vector<int> all(std::size_t(map_.grid().count())), refilled;
-  std::iota(all.begin(), all.end(), 0);
-  new_sums_.clear();
-  unseen_.update(all, map_.sums, map_.geometry.tile_projected, time_, true, refilled);
-  for (const int tile : all)
-    if (!refill(tile)) map_.make_levels(tile);
-}
-
-double Capture::mean_radiance() const {
-  double flux = 0, angle = 0;
-  for (std::size_t i = 0; i < map_.sums.size(); ++i) {
-    const glm::dvec3 seen = map_.sums[i].flux;
-    angle += map_.sums[i].angle;
-    flux += seen.x + seen.y + seen.z + filled_flux(i);
-  }
-  return angle > 0 ? flux / (3 * 4 * std::numbers::pi) : 0;  // 0, not the guess for unseen parts
+  fills_.turn(time_, map_);
 }
 
 void Capture::distrust(const glm::dvec3& log_change) {
@@ -244,14 +207,14 @@ void Capture::distrust(const glm::dvec3& log_change) {
 bool Capture::read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken) {
   if (!meter_.read(posed, taken, time_)) return false;
   if (!std::exchange(known.metered, true)) scale_.know(known.first);
-  unseen_.measure_plane(*meter_.irradiance(), kMeterDeviation * *meter_.irradiance());
+  fills_.measure_plane(*meter_.irradiance());
   return true;
 }
 
 double Capture::scale_error() const {
   if (!cameras_.any_assumed()) return 0;
-  const glm::dvec3 unseen = unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected);
-  return fastibl::scale_error(map_.seen_sky_irradiance() + unseen, meter_.irradiance());
+  const glm::dvec3 sky = map_.seen_sky_irradiance() + fills_.sky_irradiance(map_);
+  return fastibl::scale_error(sky, meter_.irradiance());
 }
 
 void Capture::find_bands(const std::vector<TexelView>& bands, float height) {

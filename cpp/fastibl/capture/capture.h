@@ -12,14 +12,13 @@
 #include "fastibl/capture/frame_levels.h"
 #include "fastibl/capture/known_cameras.h"
 #include "fastibl/capture/light_changes.h"
+#include "fastibl/capture/map_fills.h"
 #include "fastibl/capture/map_tiles.h"
 #include "fastibl/capture/near_lights.h"
 #include "fastibl/capture/next_exposure.h"
 #include "fastibl/capture/place_layout.h"
 #include "fastibl/capture/plane_meter.h"
-#include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/tile_views.h"
-#include "fastibl/capture/unseen.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/camera.h"
@@ -99,19 +98,11 @@ class Capture {
   double scale_error() const;
   // True if the picture shows the board's white well enough.
   bool read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken);
-  // Renews boost_; appends tiles that show it. In capture_map.cpp.
-  void boost_lights(std::vector<int>& shown);
   // True if the view shows the rim of a light.
   bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
             Samples& samples) const;
   // Learns where things are, and moves what the map knows of them there.
   void learn_layout(const PosedPicture& posed, double exposure);
-  double mean_radiance() const;
-  // Flux of the part of a tile that was not seen, summed over RGB.
-  double filled_flux(std::size_t tile) const {
-    const glm::dvec3 fill(filled_[tile]);
-    return (map_.geometry.tile_angle[tile] - map_.sums[tile].angle) * (fill.x + fill.y + fill.z);
-  }
   // Removes from tiles_ the tiles that the picture need not give.
   void leave_out_quiet_tiles(const View& view);
   // Removes tiles of the sky that were seen whole from much nearer to the centre than `eye` is.
@@ -134,38 +125,19 @@ class Capture {
   bool leave_out_seen(int tile, int first, int count, Sightings& sightings) const;
   bool add_tile(const View& view, int tile);
   void prefetch_rows(int tile, const CubeMap& map) const;
-  void renew_all();
-  // In refill_map.cpp. What follows from tiles that changed; refills: see refills_after().
-  void take_changes(const std::vector<int>& changed, int refills);
-  // How many tiles may get new values for their unseen texels.
-  int refills_after(double time, const Camera& camera) const;
-  // Whether the value of the tile's unseen texels is close to what it should be.
-  bool is_small_refill(int tile) const;
-  // Gives the tile's unseen texels their value; false if there are none.
-  bool refill(int tile);
-  bool has_prior(int tile) const { return prior_ && map_.above(tile); }
-  void refill_from_prior(int tile);
-  bool match_prior(std::vector<int>& refilled);  // true if all is to be refilled at once
   void update_snapshot(Environment& snapshot) const;
   void write_tile(int tile, Environment& snapshot) const;
 
   CaptureOptions options_;
   MapTiles map_;
   double time_ = -1e30;
-  double last_taken_ = -1e30;  // of the last picture that was not left out
   PlaceLayout place_;
   TileViews views_;
   double bright_ = 0;         // radiance of what is a light
   std::vector<Disc> hidden_;  // parts of the picture that show lights
-  UnseenTiles unseen_;
+  MapFills fills_;
   PlaneMeter meter_;
   AssumedScale scale_;
-  std::optional<PriorMap> prior_;
-  std::vector<int> sky_;                  // tiles above the horizon, where there is a prior
-  std::vector<glm::vec3> filled_;         // by tile: the mean of unseen texels in the map
-  std::vector<std::uint8_t> stale_fill_;  // where that no longer agrees with unseen_
-  int next_refill_ = 0, pictures_ = 0;
-  std::vector<int> new_sums_;  // tiles that unseen_ does not know yet
   KnownCameras cameras_;
   LightChanges changes_;
   std::optional<Camera> last_camera_;

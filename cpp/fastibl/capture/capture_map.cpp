@@ -15,16 +15,10 @@ namespace {
 constexpr std::size_t kSnapshots = 3;   // kept to be updated: in use by renderer, caller and us
 constexpr std::size_t kTilesAhead = 2;  // whose rows are prefetched while a tile is written
 constexpr double kKnownPlane = 0.25;    // share of the plane's half that tells its albedo
-constexpr float kMovedBoost = 0.02f;    // share by which factors move before maps show it
 
 // How little of the plane was seen, 0 to 1, from the solid angle of its seen part.
 double little_of(double seen) {
   return std::max(0.0, 1 - seen / (kKnownPlane * 2 * std::numbers::pi));
-}
-
-bool moved(const glm::vec3& from, const glm::vec3& to) {
-  const glm::vec3 difference = glm::abs(to - from), limit = kMovedBoost * from;
-  return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
 }
 
 // Writes rows of `width` texels as the map has them, with rows `stride` floats apart.
@@ -90,14 +84,14 @@ void Capture::update_snapshot(Environment& snapshot) const {
   for (int tile = 0; tile < map_.grid().count(); ++tile) {
     const std::size_t i = std::size_t(tile);
     const TileSums& s = map_.sums[i];
-    const double filled = filled_flux(i);
+    const double filled = fills_.flux(tile, map_);
     const double all = s.flux.x + s.flux.y + s.flux.z + filled;
     seen += s.angle, bound += s.bound_angle, flux += all, fills += filled;
     if (!map_.above(tile)) {
       plane_seen += s.angle, plane_fills += filled;
       continue;
     }
-    from_prior += has_prior(tile) ? filled : 0;
+    from_prior += fills_.has_prior(tile, map_) ? filled : 0;
     up += map_.geometry.tile_angle[i], up_seen += s.angle, bound_flux += s.bound_flux,
         up_flux += all;
   }
@@ -125,30 +119,6 @@ void Capture::update_snapshot(Environment& snapshot) const {
   const ErrorInterval error = expected_error(snapshot.knowledge);
   snapshot.predicted_error = error.expected;
   snapshot.predicted_low = error.low, snapshot.predicted_high = error.high;
-}
-
-void Capture::boost_lights(std::vector<int>& shown) {
-  if (!meter_.irradiance()) return;
-  BoundLight bounds;
-  for (int tile = 0; tile < map_.grid().count(); ++tile) {
-    const std::size_t i = std::size_t(tile), start = i * std::size_t(map_.grid().stride());
-    if (!map_.above(tile) || !(map_.sums[i].bound_angle > 0)) continue;
-    bounds +=
-        sum_bounds(map_.state, start, map_.geometry.texels(tile), map_.geometry.projected(tile));
-    shown.push_back(tile);
-  }
-  // The unseen light may be brighter by as much again, or not there.
-  const glm::dvec3 unseen = unseen_.sky_irradiance(map_.sums, map_.geometry.tile_projected),
-                   unsure = kMeterDeviation * *meter_.irradiance();
-  const LightBoost boost =
-      boost_of(bounds, *meter_.irradiance() - map_.seen_sky_irradiance() - unseen,
-               glm::sqrt(unseen * unseen + unsure * unsure), options_.most_boost);
-  // No light is counted twice: only the rest may be in what was not seen.
-  unseen_.measure_plane(*meter_.irradiance() - added(boost, bounds), unsure);
-  if (moved(map_.boost.whole, boost.whole) || moved(map_.boost.part, boost.part))
-    map_.boost = boost;
-  else
-    shown.clear();
 }
 
 void Capture::prefetch_rows(int tile, const CubeMap& map) const {

@@ -55,7 +55,7 @@ double Capture::next_exposure(const Camera& camera, const Pose& camera_from_mark
         lacks.add_known(brightest, angle, std::sqrt(variance) / std::max(sum, 1e-9), pixels);
     }
   }
-  const double mean = angle_seen > 0 ? flux / angle_seen : mean_radiance();
+  const double mean = angle_seen > 0 ? flux / angle_seen : fills_.mean_radiance(map_);
   // An empty map says nothing of the light. What clips at the longest exposure asks for a shorter
   // one next.
   return mean > 0 ? fastibl::next_exposure(lacks, mean, range, camera.gain) : range.longest;
