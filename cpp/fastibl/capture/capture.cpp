@@ -4,7 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "fastibl/capture/expected_error.h"
 #include "fastibl/capture/footprint.h"
+#include "fastibl/capture/map_knowledge.h"
 #include "fastibl/capture/move_map.h"
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -215,6 +217,27 @@ double Capture::scale_error() const {
   if (!cameras_.any_assumed()) return 0;
   const glm::dvec3 sky = map_.seen_sky_irradiance() + fills_.sky_irradiance(map_);
   return fastibl::scale_error(sky, meter_.irradiance());
+}
+
+std::shared_ptr<const Environment> Capture::environment() {
+  const std::shared_ptr<Environment> environment = snapshots_.take(map_);
+  environment->time = time_;
+  environment->centre = options_.centre, environment->box = place_.told_box();
+  environment->plane_irradiance = meter_.irradiance();
+  environment->light_positions = place_.tracks().positions();
+  const MapShares shares = shares_of(map_, fills_);
+  environment->coverage = shares.coverage, environment->clipped = shares.clipped;
+  const PlaceLayout::Parallax parallax = place_.parallax();
+  environment->knowledge = shares.knowledge;
+  MapKnowledge& knowledge = environment->knowledge;
+  knowledge.parallax = parallax.expected, knowledge.parallax_doubt = parallax.doubt;
+  knowledge.metered = meter_.irradiance().has_value();
+  knowledge.weighed = options_.most_boost > 1 && knowledge.metered;
+  knowledge.scale = scale_error();
+  const ErrorInterval error = expected_error(knowledge);
+  environment->predicted_error = error.expected;
+  environment->predicted_low = error.low, environment->predicted_high = error.high;
+  return environment;
 }
 
 void Capture::find_bands(const std::vector<TexelView>& bands, float height) {

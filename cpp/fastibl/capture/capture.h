@@ -13,6 +13,7 @@
 #include "fastibl/capture/known_cameras.h"
 #include "fastibl/capture/light_changes.h"
 #include "fastibl/capture/map_fills.h"
+#include "fastibl/capture/map_snapshots.h"
 #include "fastibl/capture/map_tiles.h"
 #include "fastibl/capture/near_lights.h"
 #include "fastibl/capture/next_exposure.h"
@@ -124,9 +125,6 @@ class Capture {
   // Leaves out texels of a tile that any picture showed; false if none is left.
   bool leave_out_seen(int tile, int first, int count, Sightings& sightings) const;
   bool add_tile(const View& view, int tile);
-  void prefetch_rows(int tile, const CubeMap& map) const;
-  void update_snapshot(Environment& snapshot) const;
-  void write_tile(int tile, Environment& snapshot) const;
 
   CaptureOptions options_;
   MapTiles map_;
@@ -146,7 +144,7 @@ class Capture {
   std::vector<int> tiles_;  // tiles that the picture may see
   std::vector<Roll> roll_;  // by tile
   std::vector<std::uint8_t> changed_, left_out_;
-  std::vector<std::shared_ptr<Environment>> snapshots_;  // handed out before, the latest first
+  MapSnapshots snapshots_;
 };
 
 }  // namespace fastibl

@@ -43,12 +43,6 @@ MapFills::MapFills(const CaptureOptions& options, MapTiles& map)
   for (int tile = 0; tile < map.grid().count(); ++tile) refill(tile, map);
 }
 
-double MapFills::flux(int tile, const MapTiles& map) const {
-  const std::size_t i = std::size_t(tile);
-  const glm::dvec3 fill(filled_[i]);
-  return (map.geometry.tile_angle[i] - map.sums[i].angle) * (fill.x + fill.y + fill.z);
-}
-
 double MapFills::mean_radiance(const MapTiles& map) const {
   double sum = 0, angle = 0;
   for (int tile = 0; tile < map.grid().count(); ++tile) {
@@ -136,7 +130,7 @@ void MapFills::turn(double time, MapTiles& map) {
 bool MapFills::refill(int tile, MapTiles& map) {
   stale_fill_[std::size_t(tile)] = 0;
   if (map.was_seen_whole(tile)) return false;
-  if (has_prior(tile, map)) {
+  if (prior_ && map.above(tile)) {
     refill_from_prior(tile, map);
     return true;
   }

@@ -20,9 +20,12 @@ class MapFills {
   MapFills(const CaptureOptions& options, MapTiles& map);
 
   bool has_prior() const { return prior_.has_value(); }
-  bool has_prior(int tile, const MapTiles& map) const { return prior_ && map.above(tile); }
   // Flux of the part of a tile that was not seen, summed over RGB.
-  double flux(int tile, const MapTiles& map) const;
+  double flux(int tile, const MapTiles& map) const {
+    const std::size_t i = std::size_t(tile);
+    const glm::dvec3 fill(filled_[i]);
+    return (map.geometry.tile_angle[i] - map.sums[i].angle) * (fill.x + fill.y + fill.z);
+  }
   double mean_radiance(const MapTiles& map) const;  // 0, not a guess, where nothing was seen
   // Irradiance of the plane from the unseen part of the sky.
   glm::dvec3 sky_irradiance(const MapTiles& map) const;
