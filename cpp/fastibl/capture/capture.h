@@ -88,9 +88,6 @@ class Capture {
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
  private:
-  struct View;  // of one picture
-  // Takes a perspective picture: appends the tiles that changed; false if the map holds none of it.
-  bool take(const PosedPicture& posed, const Taken& taken, bool plane, std::vector<int>& changed);
   // Appends the parts of the picture that the map knows, unsure: or of which it has any idea. In
   // probe_level.cpp.
   void probe_level(const PosedPicture& posed, bool unsure, std::vector<LevelProbe>& probes) const;
@@ -99,40 +96,15 @@ class Capture {
   double scale_error() const;
   // True if the picture shows the board's white well enough.
   bool read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken);
-  // True if the view shows the rim of a light.
-  bool look(const View& view, const Depth& depth, int count, bool fine, Sightings& sightings,
-            Samples& samples) const;
   // Learns where things are, and moves what the map knows of them there.
   void learn_layout(const PosedPicture& posed, double exposure);
-  // Removes from tiles_ the tiles that the picture need not give.
-  void leave_out_quiet_tiles(const View& view);
-  // Removes tiles of the sky that were seen whole from much nearer to the centre than `eye` is.
-  void leave_out_far_tiles(const glm::dvec3& eye);
-  void compare_probes(const View& view, const int* tiles, int count);
-  // How a rolling shutter shows a tile.
-  struct Roll {
-    int band = 0;        // of rows that are taken with one pose
-    float row = 0;       // of that pose
-    glm::vec2 drift{0};  // pixels a row by which later poses see the tile elsewhere
-  };
-  // Finds the roll of each of tiles_, from the views of all bands.
-  void find_bands(const std::vector<TexelView>& bands, float height);
-  void unroll(const Camera& camera, const Roll& roll, int first, int count,
-              Sightings& sightings) const;
-  // How the picture shows the tile, from the `count` texels that were looked at from `first` on.
-  TileSighting sighting(const View& view, int tile, const Sightings& sightings,
-                        const Samples& samples, int first, int count) const;
-  // Leaves out texels of a tile that any picture showed; false if none is left.
-  bool leave_out_seen(int tile, int first, int count, Sightings& sightings) const;
-  bool add_tile(const View& view, int tile);
 
   CaptureOptions options_;
   MapTiles map_;
   double time_ = -1e30;
   PlaceLayout place_;
   TileViews views_;
-  double bright_ = 0;         // radiance of what is a light
-  std::vector<Disc> hidden_;  // parts of the picture that show lights
+  double bright_ = 0;  // radiance of what is a light
   MapFills fills_;
   PlaneMeter meter_;
   AssumedScale scale_;
@@ -140,10 +112,6 @@ class Capture {
   LightChanges changes_;
   std::optional<Camera> last_camera_;
   FrameLevels levels_;
-  std::vector<float> most_pixels_;
-  std::vector<int> tiles_;  // tiles that the picture may see
-  std::vector<Roll> roll_;  // by tile
-  std::vector<std::uint8_t> changed_, left_out_;
   MapSnapshots snapshots_;
 };
 

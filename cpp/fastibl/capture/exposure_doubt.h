@@ -20,6 +20,8 @@ enum class TakenAs {
 
 // How a picture was taken into the map.
 struct Taken {
+  double grey_tint() const { return (tint.x + tint.y + tint.z) / 3; }  // of what is grey
+
   TakenAs as = TakenAs::told;
   double exposure = 1;   // the one that was used
   glm::dvec3 tint{1};    // by channel, a factor on the exposure, including the given tint
