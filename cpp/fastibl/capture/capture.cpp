@@ -6,26 +6,19 @@
 
 #include "fastibl/capture/expected_error.h"
 #include "fastibl/capture/map_knowledge.h"
+#include "fastibl/capture/map_lacks.h"
 #include "fastibl/capture/move_map.h"
 #include "fastibl/capture/picture_taker.h"
+#include "fastibl/capture/probe_level.h"
 #include "fastibl/core/check.h"
 #include "fastibl/scene/main_lights.h"
 
 namespace fastibl {
+namespace {
 
-Capture::Capture(CaptureOptions options)
-    : options_(checked(std::move(options))),
-      map_(TileGrid{options_.size}),
-      place_(options_, map_.geometry.outlines),
-      views_(map_.grid(), options_.centre),
-      fills_(options_, map_),
-      meter_(options_.board, options_.paper_albedo),
-      scale_(map_.grid()) {}
-
-Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
-                   std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
-                   const std::optional<Pose>& last_row, const glm::dvec3& tint, bool plane,
-                   int number) {
+void check_given(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+                 const std::optional<double>& exposure, const ImageView<const std::uint8_t>& mask,
+                 const std::optional<Pose>& last_row, const glm::dvec3& tint) {
   check(picture.width == camera.width && picture.height == camera.height,
         "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
         picture.width, " × ", picture.height);
@@ -41,6 +34,24 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
         "an exposure must be positive and finite, got ", exposure.value_or(0));
   check(tint.x > 0 && tint.y > 0 && tint.z > 0 && std::isfinite(tint.x + tint.y + tint.z),
         "a tint must be positive and finite, got ", tint.x, " ", tint.y, " ", tint.z);
+}
+
+}  // namespace
+
+Capture::Capture(CaptureOptions options)
+    : options_(checked(std::move(options))),
+      map_(TileGrid{options_.size}),
+      place_(options_, map_.geometry.outlines),
+      views_(map_.grid(), options_.centre),
+      fills_(options_, map_),
+      meter_(options_.board, options_.paper_albedo),
+      scale_(map_.grid()) {}
+
+Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& camera_from_marker,
+                   std::optional<double> exposure, double time, ImageView<const std::uint8_t> mask,
+                   const std::optional<Pose>& last_row, const glm::dvec3& tint, bool plane,
+                   int number) {
+  check_given(picture, camera, camera_from_marker, exposure, mask, last_row, tint);
   check(std::isfinite(time) && time >= time_, "time must not run backwards: ", time, " s after ",
         time_, " s");
   KnownCamera& known = cameras_.get(camera, number, map_.grid().size);
@@ -51,23 +62,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   if (last_camera_ != camera) last_camera_ = camera;
   const RowPoses poses(camera_from_marker, last_row);
   bright_ = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
-  Taken taken{.exposure = exposure.value_or(1)};
-  ExposureDoubt& doubt = known.doubt;
-  if (exposure) doubt.tell();
-  if (!exposure || (options_.doubt_exposures && known.perspective())) {
-    std::vector<LevelProbe> probes;
-    known.each_side(picture, poses, mask,
-                    [&](const PosedPicture& posed) { probe_level(posed, !exposure, probes); });
-    for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
-    taken = doubt.judge(probes, exposure, time);
-    if (doubt.found_change()) distrust(*doubt.found_change());
-    if (taken.as == TakenAs::left_out) return taken;
-    if (taken.as == TakenAs::assumed) {
-      taken.exposure = meter_.assumed_exposure(picture, camera).value_or(taken.exposure);
-      doubt.assume(taken.exposure);
-    }
-  }
-  taken.tint *= tint;
+  const Taken taken = judge(picture, camera, poses, exposure, mask, tint, known);
+  if (taken.as == TakenAs::left_out) return taken;
   const Taking how{taken, time, bright_, plane};
   std::vector<int> changed;
   bool any = false, metered = false;
@@ -76,11 +72,35 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
     any |= PictureTaker(posed, how, place_, map_, views_, levels_).take(changed);
     metered = known.perspective() && plane && read_meter(posed, known, taken);
   });
-  const bool assumed = doubt.assumed() && !known.metered;
+  const bool assumed = known.doubt.assumed() && !known.metered;
   scale_.note(changed, assumed ? known.first : 0, !exposure);
   if (metered && !fills_.has_prior() && !map_.boost.any())
     scale_.mend(map_, *meter_.irradiance(), time_, changed);
   if (any) fills_.take(changed, refills, meter_.irradiance(), time_, map_);
+  return taken;
+}
+
+Taken Capture::judge(const Picture& picture, const Camera& camera, const RowPoses& poses,
+                     std::optional<double> exposure, ImageView<const std::uint8_t> mask,
+                     const glm::dvec3& tint, KnownCamera& known) {
+  Taken taken{.exposure = exposure.value_or(1)};
+  ExposureDoubt& doubt = known.doubt;
+  if (exposure) doubt.tell();
+  if (!exposure || (options_.doubt_exposures && known.perspective())) {
+    std::vector<LevelProbe> probes;
+    known.each_side(picture, poses, mask, [&](const PosedPicture& posed) {
+      probe_level(posed, place_, map_, changes_, !exposure, probes);
+    });
+    for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
+    taken = doubt.judge(probes, exposure, time_);
+    if (doubt.found_change()) distrust(*doubt.found_change());
+    if (taken.as == TakenAs::left_out) return taken;
+    if (taken.as == TakenAs::assumed) {
+      taken.exposure = meter_.assumed_exposure(picture, camera).value_or(taken.exposure);
+      doubt.assume(taken.exposure);
+    }
+  }
+  taken.tint *= tint;
   return taken;
 }
 
@@ -144,6 +164,21 @@ std::shared_ptr<const Environment> Capture::environment() {
   environment->predicted_error = error.expected;
   environment->predicted_low = error.low, environment->predicted_high = error.high;
   return environment;
+}
+
+double Capture::next_exposure(const Camera& camera, const Pose& camera_from_marker,
+                              const ExposureRange& range) const {
+  check(camera.model == CameraModel::perspective,
+        "the next exposure is chosen for perspective cameras only");
+  camera.validate();
+  check(range.shortest > 0 && range.longest >= range.shortest && std::isfinite(range.longest),
+        "exposures must range from a positive one to a longer one, got ", range.shortest, " to ",
+        range.longest);
+  const ViewLacks view = lacks_in_view(camera, camera_from_marker, options_.centre, map_);
+  const double mean = view.mean.value_or(fills_.mean_radiance(map_));
+  // An empty map says nothing of the light. What clips at the longest exposure asks for a shorter
+  // one next.
+  return mean > 0 ? fastibl::next_exposure(view.lacks, mean, range, camera.gain) : range.longest;
 }
 
 }  // namespace fastibl

@@ -70,7 +70,7 @@ class Capture {
 
   // The exposure with which a perspective camera at this pose shows most of what the map lacks:
   // shorter where texels were never seen without clipping, longer where they are dark and noisy.
-  // Throws std::invalid_argument for another camera model, or an invalid range. In map_lacks.cpp.
+  // Throws std::invalid_argument for another camera model, or an invalid range.
   double next_exposure(const Camera& camera, const Pose& camera_from_marker,
                        const ExposureRange& range) const;
 
@@ -88,9 +88,10 @@ class Capture {
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
  private:
-  // Appends the parts of the picture that the map knows, unsure: or of which it has any idea. In
-  // probe_level.cpp.
-  void probe_level(const PosedPicture& posed, bool unsure, std::vector<LevelProbe>& probes) const;
+  // How bright a picture is taken to be: by the exposure that came with it, and what the map knows.
+  Taken judge(const Picture& picture, const Camera& camera, const RowPoses& poses,
+              std::optional<double> exposure, ImageView<const std::uint8_t> mask,
+              const glm::dvec3& tint, KnownCamera& known);
   // Notes that all of the map may be wrong by this factor, ln by channel.
   void distrust(const glm::dvec3& log_change);
   double scale_error() const;
