@@ -8,7 +8,7 @@
 #include "fastibl/capture/map_knowledge.h"
 #include "fastibl/capture/map_lacks.h"
 #include "fastibl/capture/move_map.h"
-#include "fastibl/capture/picture_taker.h"
+#include "fastibl/capture/near_lights.h"
 #include "fastibl/capture/probe_level.h"
 #include "fastibl/core/check.h"
 #include "fastibl/scene/main_lights.h"
@@ -41,8 +41,8 @@ void check_given(const Picture& picture, const Camera& camera, const Pose& camer
 Capture::Capture(CaptureOptions options)
     : options_(checked(std::move(options))),
       map_(TileGrid{options_.size}),
-      place_(options_, map_.geometry.outlines),
       views_(map_.grid(), options_.centre),
+      place_(options_, map_.geometry.outlines),
       fills_(options_, map_),
       meter_(options_.board, options_.paper_albedo),
       scale_(map_.grid()) {}
@@ -60,15 +60,15 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   const int refills = fills_.refills_after(time, still);
   time_ = time;
   if (last_camera_ != camera) last_camera_ = camera;
-  const RowPoses poses(camera_from_marker, last_row);
-  bright_ = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
-  const Taken taken = judge(picture, camera, poses, exposure, mask, tint, known);
+  const GivenPicture given{picture, RowPoses(camera_from_marker, last_row), mask};
+  const double bright = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
+  const Taken taken = judge(given, exposure, tint, known);
   if (taken.as == TakenAs::left_out) return taken;
-  const Taking how{taken, time, bright_, plane};
+  const Taking how{taken, time, bright, plane};
   std::vector<int> changed;
   bool any = false, metered = false;
-  known.each_side(picture, poses, mask, [&](const PosedPicture& posed) {
-    if (plane) learn_layout(posed, taken.exposure * taken.grey_tint());
+  known.each_side(given, [&](const PosedPicture& posed) {
+    if (plane) learn_layout(posed, how);
     any |= PictureTaker(posed, how, place_, map_, views_, levels_).take(changed);
     metered = known.perspective() && plane && read_meter(posed, known, taken);
   });
@@ -80,15 +80,14 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   return taken;
 }
 
-Taken Capture::judge(const Picture& picture, const Camera& camera, const RowPoses& poses,
-                     std::optional<double> exposure, ImageView<const std::uint8_t> mask,
+Taken Capture::judge(const GivenPicture& given, std::optional<double> exposure,
                      const glm::dvec3& tint, KnownCamera& known) {
   Taken taken{.exposure = exposure.value_or(1)};
   ExposureDoubt& doubt = known.doubt;
   if (exposure) doubt.tell();
   if (!exposure || (options_.doubt_exposures && known.perspective())) {
     std::vector<LevelProbe> probes;
-    known.each_side(picture, poses, mask, [&](const PosedPicture& posed) {
+    known.each_side(given, [&](const PosedPicture& posed) {
       probe_level(posed, place_, map_, changes_, !exposure, probes);
     });
     for (LevelProbe& p : probes) p.expected *= glm::vec3(tint);
@@ -96,7 +95,8 @@ Taken Capture::judge(const Picture& picture, const Camera& camera, const RowPose
     if (doubt.found_change()) distrust(*doubt.found_change());
     if (taken.as == TakenAs::left_out) return taken;
     if (taken.as == TakenAs::assumed) {
-      taken.exposure = meter_.assumed_exposure(picture, camera).value_or(taken.exposure);
+      taken.exposure =
+          meter_.assumed_exposure(given.picture, known.camera()).value_or(taken.exposure);
       doubt.assume(taken.exposure);
     }
   }
@@ -104,7 +104,7 @@ Taken Capture::judge(const Picture& picture, const Camera& camera, const RowPose
   return taken;
 }
 
-void Capture::learn_layout(const PosedPicture& posed, double exposure) {
+void Capture::learn_layout(const PosedPicture& posed, const Taking& how) {
   const TileOutlines& outlines = map_.geometry.outlines;
   if (const auto surface = place_.find_surface(posed)) {
     const Surroundings before = place_.move_to(*surface, outlines);
@@ -112,10 +112,12 @@ void Capture::learn_layout(const PosedPicture& posed, double exposure) {
     views_.move(from), scale_.move(from);
     fills_.renew(time_, map_);
   }
-  const std::vector<int> moved = place_.locate_lights(posed, outlines, exposure, bright_, time_);
+  const double exposure = how.taken.exposure * how.taken.grey_tint();
+  const std::vector<int> moved =
+      place_.locate_lights(posed, outlines, exposure, how.bright, how.time);
   if (moved.empty()) return;
   for (const LightPosition& light : place_.tracks().positions())
-    fills_.refill(forget_light(light, moved, place_, bright_, map_), map_);
+    fills_.refill(forget_light(light, moved, place_, how.bright, map_), map_);
 }
 
 void Capture::turn(const glm::dmat3& new_from_old) {

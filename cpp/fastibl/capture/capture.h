@@ -15,8 +15,8 @@
 #include "fastibl/capture/map_fills.h"
 #include "fastibl/capture/map_snapshots.h"
 #include "fastibl/capture/map_tiles.h"
-#include "fastibl/capture/near_lights.h"
 #include "fastibl/capture/next_exposure.h"
+#include "fastibl/capture/picture_taker.h"
 #include "fastibl/capture/place_layout.h"
 #include "fastibl/capture/plane_meter.h"
 #include "fastibl/capture/tile_views.h"
@@ -88,30 +88,28 @@ class Capture {
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
  private:
-  // How bright a picture is taken to be: by the exposure that came with it, and what the map knows.
-  Taken judge(const Picture& picture, const Camera& camera, const RowPoses& poses,
-              std::optional<double> exposure, ImageView<const std::uint8_t> mask,
-              const glm::dvec3& tint, KnownCamera& known);
+  // How bright a picture is taken to be, by the exposure that came with it and what the map knows.
+  Taken judge(const GivenPicture& given, std::optional<double> exposure, const glm::dvec3& tint,
+              KnownCamera& known);
   // Notes that all of the map may be wrong by this factor, ln by channel.
   void distrust(const glm::dvec3& log_change);
   double scale_error() const;
   // True if the picture shows the board's white well enough.
   bool read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken);
   // Learns where things are, and moves what the map knows of them there.
-  void learn_layout(const PosedPicture& posed, double exposure);
+  void learn_layout(const PosedPicture& posed, const Taking& how);
 
   CaptureOptions options_;
-  MapTiles map_;
   double time_ = -1e30;
-  PlaceLayout place_;
+  std::optional<Camera> last_camera_;
+  KnownCameras cameras_;
+  MapTiles map_;
   TileViews views_;
-  double bright_ = 0;  // radiance of what is a light
+  PlaceLayout place_;
   MapFills fills_;
   PlaneMeter meter_;
   AssumedScale scale_;
-  KnownCameras cameras_;
   LightChanges changes_;
-  std::optional<Camera> last_camera_;
   FrameLevels levels_;
   MapSnapshots snapshots_;
 };

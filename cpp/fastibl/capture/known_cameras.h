@@ -7,12 +7,20 @@
 
 #include "fastibl/capture/camera_side.h"
 #include "fastibl/capture/exposure_doubt.h"
+#include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/wide_picture.h"
 #include "fastibl/core/image.h"
 #include "fastibl/scene/camera.h"
 #include "fastibl/scene/picture.h"
 
 namespace fastibl {
+
+// A picture of any camera, as it was given.
+struct GivenPicture {
+  const Picture& picture;
+  RowPoses poses;                      // camera_from_marker
+  ImageView<const std::uint8_t> mask;  // as for Capture
+};
 
 class KnownCamera {
  public:
@@ -24,15 +32,15 @@ class KnownCamera {
     return number_ == other_number && camera_ == other;
   }
   bool perspective() const { return camera_.model == CameraModel::perspective; }
+  const Camera& camera() const { return camera_; }
   // Visits what each side shows of a picture, which is valid until the next one is visited.
   template <class Visit>
-  void each_side(const Picture& picture, const RowPoses& poses, ImageView<const std::uint8_t> mask,
-                 const Visit& visit) {
-    if (perspective()) visit(PosedPicture{picture, sides_.front(), poses, mask});
+  void each_side(const GivenPicture& given, const Visit& visit) {
+    if (perspective()) visit(PosedPicture{given.picture, sides_.front(), given.poses, given.mask});
     for (std::size_t i = 0; i < wide_.size(); ++i) {
-      shown_.take(wide_[i], picture, mask);
-      const RowPoses turned(wide_[i].side_from_camera * poses.at(0.5));
-      visit(PosedPicture{shown_.picture(), sides_[i], turned, shown_.mask()});
+      shown_.take(wide_[i], given.picture, given.mask);
+      const RowPoses poses(wide_[i].side_from_camera * given.poses.at(0.5));
+      visit(PosedPicture{shown_.picture(), sides_[i], poses, shown_.mask()});
     }
   }
 
