@@ -10,6 +10,7 @@
 
 #include "fastibl/core/clock.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/render/method_judge.h"
 #include "fastibl/render/rig_tracker.h"
 #include "fastibl/render/session.h"
 #include "fastibl/shading/in_view.h"
@@ -315,6 +316,48 @@ TEST_CASE("a view shows what is in its picture, and not much more") {
     CHECK(hidden > 1000);
     CHECK(needless < 0.03 * hidden);
   }
+}
+
+TEST_CASE("methods are judged anew soon where a place is discovered, and seldom where it goes on") {
+  const Scene given = scene(0.08f);
+  // The share of the light that comes from one side.
+  const auto map = [](float share) {
+    std::vector<glm::vec3> faces;
+    for (int f = 0; f < 6; ++f)
+      faces.insert(faces.end(), 16 * 16, glm::vec3(f == 0 ? share : (1 - share) / 5));
+    return std::make_shared<const Environment>(environment_from(CubeMap(16, faces)));
+  };
+  MethodJudge judge;
+  const auto judge_under = [&](float share) {
+    const Methods asked;
+    judge.begin(given, map(share), asked, candidates(asked, {}), true);
+    CHECK(!judge.due());
+    CHECK(judge.step(true));
+  };
+  // Frames until another judgement is due; -1 if none is.
+  const auto frames_under = [&](float share, int most) {
+    const std::shared_ptr<const Environment> light = map(share);
+    for (int k = 1; k <= most; ++k) {
+      judge.add_frame(&light->radiance);
+      if (judge.due()) return k;
+    }
+    return -1;
+  };
+  CHECK(judge.due());
+  judge_under(0.2f);
+  CHECK(frames_under(0.24f, 100) == -1);
+  CHECK(frames_under(0.5f, 1) == 1);
+  judge_under(0.2f);
+  bool other = false;
+  for (const int wait : {8, 16, 32, 64, 64}) {
+    CHECK(frames_under(other ? 0.2f : 0.5f, 100) == wait);
+    judge_under(other ? 0.2f : 0.5f);
+    other = !other;
+  }
+  CHECK(frames_under(other ? 0.5f : 0.2f, 200) == -1);  // it stays
+  CHECK(frames_under(other ? 0.2f : 0.5f, 1) == 1);
+  judge_under(other ? 0.2f : 0.5f);
+  CHECK(frames_under(other ? 0.5f : 0.2f, 100) == 4);
 }
 
 TEST_CASE("pictures of one time leave nothing behind") {

@@ -6,9 +6,10 @@
 namespace fastibl {
 namespace {
 
-constexpr int kCoarse = 16;    // texels along a face that light is summed over
-constexpr float kCompact = 8;  // times the mean radiance: above it, light is compact
-constexpr float kOtherLight = 0.25f, kOtherCompactLight = 0.05f;  // shares of the light
+constexpr int kCoarse = 16;             // texels along a face that light is summed over
+constexpr float kCompact = 8;           // times the mean radiance: above it, light is compact
+constexpr float kLittleChange = 0.25f;  // shares of the light
+constexpr float kOtherLight = 0.1f, kOtherCompactLight = 0.05f;
 
 }  // namespace
 
@@ -46,11 +47,11 @@ float difference(const LightSummary& a, const LightSummary& b) {
 }
 
 bool is_little_change(const LightSummary& a, const LightSummary& b) {
-  return difference(a, b) <= kOtherLight;
+  return difference(a, b) <= kLittleChange;
 }
 
 bool is_other_light(const LightSummary& a, const LightSummary& b) {
-  return !is_little_change(a, b) || std::abs(a.compact - b.compact) > kOtherCompactLight;
+  return difference(a, b) > kOtherLight || std::abs(a.compact - b.compact) > kOtherCompactLight;
 }
 
 }  // namespace fastibl

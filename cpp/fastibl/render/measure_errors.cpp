@@ -322,6 +322,10 @@ struct ErrorMeasurement::Work {
   }
 
   // From the last on, and before the object: light that the plane lacks, the object lacks too.
+  void cast_all() {
+    for (std::size_t k = candidates.shadow.size(); k-- > 0;) cast(k);
+  }
+
   void cast(std::size_t k) {
     const ShadowCandidate& s = candidates.shadow[k];
     if (!fine && s.method == ShadowMethod::mesh &&
@@ -351,7 +355,8 @@ struct ErrorMeasurement::Work {
     judged->plane = plane_truth(samples, *flux, *bright, sent);
   }
 
-  void weigh_picture() {
+  // False if there is nothing to compare.
+  bool weigh_picture() {
     Judged& j = *judged;
     j.plane_radiance = map->sample({0, 0, -1}, float(map->level_count()) - 3);
     if (!(j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z > 0))
@@ -361,7 +366,7 @@ struct ErrorMeasurement::Work {
     j.white = (j.plane_radiance.x + j.plane_radiance.y + j.plane_radiance.z) / 3 / kPlaneLevel;
     if (std::isfinite(object)) j.white = std::max(j.white, object / kObjectLevel);
     if (j.white > 0) weigh(j);
-    if (!(j.object_weight > 0)) steps.clear();  // nothing to compare
+    return j.object_weight > 0;
   }
 
   void fit_diffuse() {
@@ -405,6 +410,10 @@ struct ErrorMeasurement::Work {
     }
   }
 
+  void share_all() {
+    for (const SelfShadowMethod method : candidates.self_shadow) share(method);
+  }
+
   void judge() {
     errors.candidates = candidates;
     if (samples.part < 1) errors.sampling = sampling_error(*judged);
@@ -420,17 +429,19 @@ ErrorMeasurement::ErrorMeasurement(const Scene& scene, const SceneSamples* at,
   work_ = std::make_unique<Work>(scene, *at, std::move(map), asked.normalization, candidates);
   Work* const work = work_.get();
   std::deque<std::function<void()>>& steps = work->steps;
-  steps = {[=] { work->find_truth(); }, [=] { work->read_material(); }};
-  if (cast_shadow && scene.casts_shadow()) {
-    for (std::size_t k = candidates.shadow.size(); k-- > 0;)
-      steps.push_back([=] { work->cast(k); });
-    steps.push_back([=] { work->find_plane(); });
-  }
-  steps.push_back([=] { work->weigh_picture(); });
-  steps.push_back([=] { work->fit_diffuse(); });
+  // What takes far less than a millisecond goes with its neighbour.
+  const bool shadow = cast_shadow && scene.casts_shadow();
+  steps = {[=] { work->find_truth(), work->read_material(); }};
+  if (shadow) steps.push_back([=] { work->cast_all(); });
+  steps.push_back([=] {
+    if (shadow) work->find_plane();
+    if (work->weigh_picture())
+      work->fit_diffuse();
+    else
+      work->steps.clear();
+  });
   for (const GlossyCandidate& g : candidates.glossy) steps.push_back([=] { work->read_glossy(g); });
-  for (const SelfShadowMethod method : candidates.self_shadow)
-    steps.push_back([=] { work->share(method); });
+  steps.push_back([=] { work->share_all(); });
   steps.push_back([=] { work->judge(); });
 }
 ErrorMeasurement::ErrorMeasurement(ErrorMeasurement&&) noexcept = default;

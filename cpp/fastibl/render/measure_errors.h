@@ -23,7 +23,7 @@ MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
                               const Candidates& candidates, bool cast_shadow);
 
-// The same in steps of some ms (mostly one for each candidate), for frames, none of which has time
+// The same in steps of some ms, for frames, none of which has time
 // for all of it. at: has to live, unchanged, until the measurement is done.
 class ErrorMeasurement {
  public:

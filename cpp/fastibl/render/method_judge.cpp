@@ -1,5 +1,6 @@
 #include "fastibl/render/method_judge.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "fastibl/core/parallel.h"
@@ -7,24 +8,29 @@
 namespace fastibl {
 namespace {
 
-constexpr int kLeastFrames = 60;  // between judgements: each takes as long as some frames
+// Frames between judgements, each of which takes as long as some frames: few while a place is being
+// discovered, and twice as many each time while the light goes on changing.
+constexpr int kLeastFrames = 4, kMostFrames = 64;
 
 }  // namespace
 
 void MethodJudge::forget() { measured_ = {}, measurement_.reset(), due_ = true; }
 
+bool MethodJudge::may_be_due() const { return !due_ && !measurement_ && frames_ >= wait_; }
+
 void MethodJudge::follow(const LightSummary& light) {
-  if (!measurement_ && (!light_ || is_other_light(light, *light_))) due_ = true;
+  if (may_be_due()) due_ = is_other_light(light, light_);
 }
 
 void MethodJudge::add_frame(const CubeMap* captured) {
   ++frames_;
-  if (due_ || !captured) return;
-  due_ = !light_ || (frames_ >= kLeastFrames && is_other_light(summary_of(*captured), *light_));
+  if (captured && may_be_due()) follow(summary_of(*captured));
 }
 
 void MethodJudge::begin(const Scene& scene, const std::shared_ptr<const Environment>& environment,
                         const Methods& asked, const Candidates& candidates, bool cast_shadow) {
+  wait_ =
+      frames_ < 2 * kMostFrames ? std::clamp(2 * wait_, kLeastFrames, kMostFrames) : kLeastFrames;
   due_ = false, frames_ = 0;
   const std::shared_ptr<const CubeMap> radiance(environment, &environment->radiance);
   measurement_.emplace(scene, scene.samples.get(), radiance, asked, candidates, cast_shadow);

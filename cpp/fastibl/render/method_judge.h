@@ -18,12 +18,12 @@ class MethodJudge {
   // What the last judgement measured that was completed since forget().
   const MeasuredErrors& measured() const { return measured_; }
   bool due() const { return due_; }
-  void forget();                           // drops what was measured, for another scene
-  void judge_anew() { due_ = true; }       // what was measured stands until then
-  void choose_anew() { choose_ = true; }   // from what was measured
-  void follow(const LightSummary& light);  // judges anew for another light than that judged last
-  // Call after each frame, with the map of captured light. That light is followed, but not in every
-  // frame.
+  void forget();                          // drops what was measured, for another scene
+  void judge_anew() { due_ = true; }      // what was measured stands until then
+  void choose_anew() { choose_ = true; }  // from what was measured
+  // Judges anew for another light than that judged last, but not soon after that.
+  void follow(const LightSummary& light);
+  // Call after each frame, with the map of captured light: that light is followed.
   void add_frame(const CubeMap* captured);
 
   // Begins a judgement of the scene under this light; it is then no longer due.
@@ -34,10 +34,13 @@ class MethodJudge {
   bool step(bool to_its_end);
 
  private:
+  bool may_be_due() const;
+
   MeasuredErrors measured_;
   std::optional<ErrorMeasurement> measurement_;  // in progress, if any
-  std::optional<LightSummary> light_;            // of the judgement that began last
+  LightSummary light_;                           // of the judgement that began last
   int frames_ = 0;                               // since it began
+  int wait_ = 0;  // frames before light that changes makes another due
   bool due_ = true, choose_ = false;
 };
 
