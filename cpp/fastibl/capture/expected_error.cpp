@@ -12,7 +12,7 @@ constexpr double kDoubts = 0.8;
 
 // Of the light of a plane of which little was seen: an albedo of 0.5 is assumed, or what a sliver
 // shows stands for all of it.
-constexpr double kGuessed = 0.35;
+constexpr double kGuessed = 0.4;
 
 // An error, and how far below and above it the truth may lie: the spread of its logarithm.
 struct Unseen {

@@ -6,7 +6,7 @@
 namespace fastibl {
 namespace {
 
-constexpr double kKnownPlane = 0.25;  // share of the plane's half that tells its albedo
+constexpr double kKnownPlane = 0.1;  // share of the plane's half that tells its albedo
 
 // How little of the plane was seen, 0 to 1, from the solid angle of its seen part.
 double little_of(double seen) {
