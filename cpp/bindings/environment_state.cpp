@@ -32,17 +32,9 @@ LightPosition light_from_state(const py::tuple& state) {
 }
 
 std::array<double, 11> numbers_of(const MapKnowledge& k) {
-  return {k.unseen_sky,
-          k.unseen_flux,
-          k.guessed_plane,
-          k.bound_flux,
-          k.parallax,
-          k.parallax_doubt,
-          k.prior_flux,
-          k.boosted_flux,
-          double(k.metered),
-          double(k.weighed),
-          k.scale};
+  return {k.unseen_sky,      k.unseen_flux,     k.guessed_plane, k.bound_flux,
+          k.parallax,        k.parallax_doubt,  k.prior_flux,    k.boosted_flux,
+          double(k.metered), double(k.weighed), k.scale};
 }
 
 MapKnowledge knowledge_from(const std::array<double, 11>& n) {

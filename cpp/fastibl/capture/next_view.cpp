@@ -8,7 +8,7 @@
 namespace fastibl {
 namespace {
 
-constexpr int kGrid = 16;  // texels along an edge of a face, for choosing
+constexpr int kGrid = 16;               // texels along an edge of a face, for choosing
 constexpr double kView = 28 * kDegree;  // from the middle of a picture to what it surely shows
 constexpr double kNear = 90 * kDegree;  // a turn by this much more must show e times as much
 constexpr double kWorth = 1e-3;         // share of the light below which nothing is worth a turn

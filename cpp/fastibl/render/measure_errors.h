@@ -23,8 +23,8 @@ MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
                               const std::shared_ptr<const CubeMap>& map, const Methods& asked,
                               const Candidates& candidates, bool cast_shadow);
 
-// The same in steps of some ms, for frames, none of which has time
-// for all of it. at: has to live, unchanged, until the measurement is done.
+// The same in steps of some ms, for frames, none of which has time for all of it. at: has to live,
+// unchanged, until the measurement is done.
 class ErrorMeasurement {
  public:
   ErrorMeasurement(const Scene& scene, const SceneSamples* at, std::shared_ptr<const CubeMap> map,
