@@ -601,18 +601,30 @@ def test_light_that_drifts_away_is_judged_in_steps():
     )
     d = fastibl.texel_directions(16)
     lights = [fastibl.CubeMap((0.2 + 5 * 1.02**k * (d[..., 2:] > 0.9)) * np.ones(3)) for k in range(60)]
-    best = []
+    plans = []
     for cube in lights:
         session.set_environment(fastibl.Environment(cube))
-        best.append(session.process(fastibl.Frame(0.0, back_from_marker=looking((0, 0.4, -0.3), (0, -0.4, 0.35)))).plan)
-    best = [plan.best_error for plan in best]
-    flux = np.array([cube.faces.mean() for cube in lights])
+        frame = fastibl.Frame(0.0, back_from_marker=looking((0, 0.4, -0.3), (0, -0.4, 0.35)))
+        plans.append(session.process(frame).plan)
+    best = [plan.best_error for plan in plans]
+    angles = fastibl.texel_solid_angles(16)[..., None]
+    flux = np.array([(cube.faces * angles).sum() for cube in lights])
     first = 3  # judged as light that moves
     begins = int(np.argmax(1 - flux[first] / flux > 0.1))
     changes = [k for k in range(first + 1, len(best)) if best[k] != best[k - 1]]
     print(f"a tenth is new from frame {begins} on; judged by frame {changes}")
     # Until the last step the plan goes by what was judged before.
     assert begins + 5 <= changes[0] <= begins + 25 and min(np.diff(changes), default=60) >= 5
+    # It says so, and allows for it. Errors are those of the frame before the first.
+    new = np.array([plan.light_unjudged for plan in plans])
+    assert (
+        (new[first : begins - 1] == 0).all()
+        and (new[begins : changes[0]] > 0.1).all()
+        and new[changes[0]] < new[changes[0] - 1]
+    )
+    said = plans[changes[0] - 1]
+    assert f"{100 * said.light_unjudged:.2g} % of the light is new" in str(said)
+    assert said.expected_error > plans[begins - 1].expected_error and said.assured_error > said.expected_error
 
 
 def picture_of(session, pose, camera, table, exposure=1.0):

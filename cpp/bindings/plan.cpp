@@ -115,6 +115,10 @@ void bind_lines(py::module_& module) {
                     "What four samples a pixel leave of the picture, expected from how they differ "
                     "within pixels; not part of the budget: no method makes it smaller, but "
                     "Session(supersampling=) does. None but for a plan of one picture (camera=).")
+      .def_readonly("light_unjudged", &Plan::light_unjudged,
+                    "Share of the light that is new since the methods were judged, while they are "
+                    "about to be judged anew; else 0. expected_error and assured_error allow for "
+                    "it.")
       .def_readonly("light_in_turns", &Plan::light_in_turns,
                     "Whether each frame does only one step of the work on the light, because all "
                     "steps do not fit into the time budget: the light is then some frames old, "

@@ -1754,6 +1754,11 @@ class Plan:
         Whether each frame does only one step of the work on the light, because all steps do not fit into the time budget: the light is then some frames old, which light_error takes into account.
         """
     @property
+    def light_unjudged(self) -> float:
+        """
+        Share of the light that is new since the methods were judged, while they are about to be judged anew; else 0. expected_error and assured_error allow for it.
+        """
+    @property
     def meets_budget(self) -> bool:
         """
         Whether both budgets are met.

@@ -139,6 +139,8 @@ def _(thing: Plan) -> str:
     total = "" if thing.expected_error is None else _percent(thing.expected_error)
     rows.append(("in all", "", total, f"{thing.milliseconds:.2f} ms"))
     foot = "" if thing.assured_error is None else f"<p>The picture is within {_percent(thing.assured_error)}.</p>"
+    if thing.light_unjudged > 0:
+        foot += f"<p>{_percent(thing.light_unjudged)} of the light is new since that was judged.</p>"
     if thing.error_budget > 0:
         foot += f"<p>{_kept(thing.meets_error)} the error budget of {_percent(thing.error_budget)}.</p>"
     if thing.milliseconds_budget > 0:

@@ -344,11 +344,20 @@ TEST_CASE("methods are judged anew soon where a place is discovered, and seldom 
     return -1;
   };
   CHECK(judge.due());
+  CHECK(judge.unjudged(map(0.5f)->radiance) == 0);  // nothing is measured yet
   judge_under(0.2f);
   CHECK(frames_under(0.24f, 100) == -1);
+  CHECK(judge.unjudged(map(0.24f)->radiance) == 0);
   CHECK(frames_under(0.5f, 1) == 1);
-  judge_under(0.2f);
-  bool other = false;
+  const double part = judge.unjudged(map(0.5f)->radiance);
+  CHECK(part == doctest::Approx(0.6 / 1.3));
+  // What is being measured is not known yet.
+  judge.begin(given, map(0.5f), {}, candidates({}, {}), true);
+  CHECK(!judge.step(false));
+  CHECK(judge.unjudged(map(0.5f)->radiance) == part);
+  while (!judge.step(false)) continue;
+  CHECK(judge.unjudged(map(0.5f)->radiance) == 0);
+  bool other = true;
   for (const int wait : {8, 16, 32, 64, 64}) {
     CHECK(frames_under(other ? 0.2f : 0.5f, 100) == wait);
     judge_under(other ? 0.2f : 0.5f);

@@ -41,6 +41,8 @@ std::string bill(const Plan& plan) {
     column(percent(plan.expected_error()), 16);
     text << milliseconds(plan.milliseconds) << " a frame\nthe picture is within "
          << percent(plan.assured_error());
+    if (plan.light_unjudged > 0)
+      text << "; " << percent(plan.light_unjudged) << " of the light is new since that was judged";
   } else {
     const std::optional<double> bound = plan.omission_bound();
     text << percent(plan.expected_error()) << " known, "

@@ -69,14 +69,16 @@ bool Plan::includes(PassId id) const {
 }
 
 double Plan::expected_error() const {
-  if (picture_error) return *picture_error;
+  if (picture_error) return std::hypot(*picture_error, kUnjudged * light_unjudged);
   double sum = 0;
   for (const PlannedPass& p : passes)
     if (p.included && p.error && p.pass.id != PassId::capture) sum += *p.error * *p.error;
   return std::sqrt(sum);
 }
 
-double Plan::assured_error() const { return picture_error ? picture_assured : expected_error(); }
+double Plan::assured_error() const {
+  return picture_error ? picture_assured + kMostUnjudged * light_unjudged : expected_error();
+}
 
 std::optional<double> Plan::light_error() const {
   for (const PlannedPass& p : passes)
@@ -85,7 +87,7 @@ std::optional<double> Plan::light_error() const {
 }
 
 bool Plan::meets_error() const {
-  return error_budget == 0 || (picture_error && picture_assured <= error_budget);
+  return error_budget == 0 || (picture_error && assured_error() <= error_budget);
 }
 
 std::optional<double> Plan::omission_bound() const {
@@ -267,6 +269,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
     plan.methods = choice->methods;
     plan.picture_error = choice->error, plan.best_error = choice->best_error;
     plan.picture_assured = choice->assured, plan.best_assured = choice->best_assured;
+    plan.light_unjudged = options.light_unjudged;
     if (const auto& left = options.measured->sampling) plan.sampling_error = std::sqrt(*left);
   }
   const char* dispensable = why_dispensable(options, choice);

@@ -42,6 +42,8 @@ struct Plan {
   // methods. It is no part of the budget.
   std::optional<double> sampling_error = {};
   double picture_assured = 0, best_assured = 0;  // what these errors hardly ever exceed
+  // Share of the light that is new since errors were measured, where they are to be measured anew.
+  double light_unjudged = 0;
   // Whether the parts of a pixel that show triangles of nearly equal normals are shaded as one.
   // These normals differ by a twelfth of the lobe's width at most. That changes the picture by
   // 0.01 % of its light, and one in a hundred of its pixels by 0.2 %. Not within budgets below
@@ -55,8 +57,8 @@ struct Plan {
   // made from the map, which is then some frames old.
   bool light_in_turns = false;
   bool includes(PassId id) const;
-  // Against the truth for the same map: picture_error, or else the root of the sum of squares of
-  // the known errors.
+  // Against the truth for the same map: picture_error with what new light may add, or else the root
+  // of the sum of squares of the known errors.
   double expected_error() const;
   // The error of a captured map's irradiance. It is no part of the budget: no method reduces it.
   std::optional<double> light_error() const;
@@ -70,6 +72,9 @@ struct Plan {
     return milliseconds_budget == 0 || milliseconds <= milliseconds_budget;
   }
   bool meets_budget() const { return meets_error() && meets_milliseconds(); }
+  // Errors that new light makes, per share of it: mean, and hardly exceeded. See ./dev goals plan
+  // --only "light that is discovered".
+  static constexpr double kUnjudged = 0.06, kMostUnjudged = 0.16;
   static constexpr double kAssurance = 1.25;  // factor on the error of the samples' worst view
   // The same for the effect of one step that is left out: views between those have up to twice as
   // much of it, where one lamp makes most of it.
@@ -93,7 +98,8 @@ struct PlanOptions {
   std::optional<double> object_pixels = {};
   double slowdown = 1;  // of this machine now, relative to the cost table
   bool light_in_turns = false;
-  double light_lag = 0;  // then, relative change of the light from turn to turn
+  double light_lag = 0;       // then, relative change of the light from turn to turn
+  double light_unjudged = 0;  // as in Plan
   // Methods of the previous plan. They stay where others are hardly better; settled: in any case.
   const Methods* keep = nullptr;
   bool settled = false;

@@ -1,6 +1,7 @@
 #include "fastibl/render/method_judge.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "fastibl/core/parallel.h"
@@ -15,6 +16,14 @@ constexpr int kLeastFrames = 4, kMostFrames = 64;
 }  // namespace
 
 void MethodJudge::forget() { measured_ = {}, measurement_.reset(), due_ = true; }
+
+double MethodJudge::unjudged(const CubeMap& map) const {
+  if (measured_.empty()) return 0;
+  const LightSummary light = summary_of(map);
+  if (!is_other_light(light, measured_light_)) return 0;
+  return std::max(difference(light, measured_light_),
+                  std::abs(light.compact - measured_light_.compact));
+}
 
 bool MethodJudge::may_be_due() const { return !due_ && !measurement_ && frames_ >= wait_; }
 
@@ -49,7 +58,8 @@ bool MethodJudge::step(bool to_its_end) {
       throw;
     }
     if (measurement_->done())
-      measured_ = measurement_->errors(), measurement_.reset(), choose_ = true;
+      measured_ = measurement_->errors(), measured_light_ = light_, measurement_.reset(),
+      choose_ = true;
   }
   return std::exchange(choose_, false) && !measured_.empty();
 }

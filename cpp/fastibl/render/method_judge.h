@@ -17,6 +17,9 @@ class MethodJudge {
  public:
   // What the last judgement measured that was completed since forget().
   const MeasuredErrors& measured() const { return measured_; }
+  // Share of the light by which this map differs from the one under which that was measured; 0
+  // where it differs so little that it says much about both.
+  double unjudged(const CubeMap& map) const;
   bool due() const { return due_; }
   void forget();                          // drops what was measured, for another scene
   void judge_anew() { due_ = true; }      // what was measured stands until then
@@ -39,6 +42,7 @@ class MethodJudge {
   MeasuredErrors measured_;
   std::optional<ErrorMeasurement> measurement_;  // in progress, if any
   LightSummary light_;                           // of the judgement that began last
+  LightSummary measured_light_;                  // of measured_
   int frames_ = 0;                               // since it began
   int wait_ = 0;  // frames before light that changes makes another due
   bool due_ = true, choose_ = false;
