@@ -16,7 +16,7 @@ from fastibl.recording import truth_of
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .predicted import BANDS, TUNED
-from .recordings import FRESH, ROOM, recorded
+from .recordings import FRESH, ROOM, Stated, recorded
 
 MOST = 1000.0  # times the value that clipped
 _EXPOSED = 0.4  # mean of the darker nine tenths of the sky, as a share of white: 7 to 22 % of the sphere clip
@@ -34,14 +34,9 @@ class Same:
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A frame of a sweep. plane: relative error of the irradiance on the plane; error: a median over normals."""
+class Moment(Stated):
+    """A frame of a sweep. plane: relative error of the irradiance on the plane."""
 
-    coverage: float
-    low: float
-    predicted: float
-    high: float
-    error: float
     plane: float
     clipped: float
     boosted: float
@@ -102,7 +97,6 @@ def moments(place: str, brighter: float, path: str, seed: int, most: float) -> l
             Moment(
                 environment.coverage,
                 low,
-                environment.predicted_error,
                 high,
                 irradiance_error(environment, true),
                 float(np.sqrt((off**2).mean())),
@@ -162,7 +156,7 @@ def boost() -> Iterator[Goal]:
         every = [m for film in some.values() for m in film]
         if not every:
             continue
-        inside = {p: [m.low <= m.error <= m.high for m in film] for p, film in some.items()}
+        inside = {p: [m.inside for m in film] for p, film in some.items()}
         share = float(np.mean([x for film in inside.values() for x in film]))
         tuned = [x for p, film in inside.items() if p in TUNED for x in film]
         others = [x for p, film in inside.items() if p not in TUNED for x in film]

@@ -31,7 +31,7 @@ def _between(places: Iterable[str], low: float, high: float) -> list[Moment]:
 
 
 def _share(some: list[Moment]) -> float:
-    return float(np.mean([m.low <= m.error <= m.high for m in some]))
+    return float(np.mean([m.inside for m in some]))
 
 
 def _inside(some: list[Moment]) -> str:

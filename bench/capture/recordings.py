@@ -68,22 +68,31 @@ def sweep_film(place: str, **options) -> fastibl.Recording:
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A frame of a sweep. error: median over normals, of the irradiance of the map captured so far. pushed: the same
-    where unseen texels are filled by push and pull."""
+class Stated:
+    """What a captured map says of its error, and that error: a median over normals, of the irradiance."""
 
     coverage: float
-    predicted: float
     low: float
     high: float
     error: float
+
+    @property
+    def inside(self) -> bool:
+        return self.low <= self.error <= self.high
+
+
+@dataclass(frozen=True)
+class Moment(Stated):
+    """A frame of a sweep. pushed: the error where unseen texels are filled by push and pull."""
+
+    predicted: float
     pushed: float
 
 
 def moment_of(environment: fastibl.Environment, true: fastibl.CubeMap) -> Moment:
     low, high = environment.predicted_interval
     error, pushed = irradiance_error(environment, true), irradiance_error(push_pull(environment), true)
-    return Moment(environment.coverage, environment.predicted_error, low, high, error, pushed)
+    return Moment(environment.coverage, low, high, error, environment.predicted_error, pushed)
 
 
 def push_pull(environment: fastibl.Environment) -> fastibl.CubeMap:

@@ -17,7 +17,7 @@ from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .boost import Same, one_exposure, true_map
 from .predicted import BANDS
-from .recordings import FRESH, ROOM, recorded
+from .recordings import FRESH, ROOM, Stated, recorded
 
 
 @dataclass(frozen=True)
@@ -42,18 +42,8 @@ KINDS = (
 _READ = 3  # frames between readings where all pictures are taken
 
 
-@dataclass(frozen=True)
-class Moment:
-    """What a map says of itself, and its error: a median over normals, of the irradiance."""
-
-    coverage: float
-    low: float
-    high: float
-    error: float
-
-
 @cache
-def moments(place: str, path: str, kind: Kind) -> list[Moment]:
+def moments(place: str, path: str, kind: Kind) -> list[Stated]:
     """Moments of a film of 6 s, captured with its true poses."""
     front_exposures = None if kind.bracket else Same(one_exposure(true_map(place)))
     board = {} if kind.board else {"board": False}  # the paper itself is not there: to a map it is a part of the place
@@ -86,12 +76,12 @@ def moments(place: str, path: str, kind: Kind) -> list[Moment]:
             continue
         environment = capture.environment()
         low, high = environment.predicted_interval
-        out.append(Moment(environment.coverage, low, high, irradiance_error(environment, true)))
+        out.append(Stated(environment.coverage, low, high, irradiance_error(environment, true)))
     return out
 
 
-def _inside(some: list[Moment]) -> str:
-    return percent(float(np.mean([m.low <= m.error <= m.high for m in some])))
+def _inside(some: list[Stated]) -> str:
+    return percent(float(np.mean([m.inside for m in some])))
 
 
 @row("capture", "stated error without a board")
@@ -104,7 +94,7 @@ def unmetered() -> Iterator[Goal]:
     for kind in KINDS:
         films = {(p, path): moments(p, path, kind) for p in places for path in ("sweep", "hand")}
         every = [m for film in films.values() for m in film]
-        share = float(np.mean([m.low <= m.error <= m.high for m in every]))
+        share = float(np.mean([m.inside for m in every]))
         above = float(np.mean([m.error > m.high for m in every]))
         bands = {(low, high): [m for m in every if low <= m.coverage < high] for low, high in BANDS}
         fresh = [m for (place, _), film in films.items() if place == FRESH for m in film]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl.expected import present
 from fastibl.recording import truth_of
+from fastibl.truth import TruePicture, picture_error
 
 from .. import inputs
 from ..capture.recordings import ROOM, sweep_film
@@ -45,11 +46,13 @@ class Moment:
 def error_of(
     picture: NDArray[np.uint8], true: NDArray[np.uint8], frame: fastibl.Frame, camera: fastibl.Camera
 ) -> float:
-    """RMS over RGB and over the pixels that object or shadow change by more than 1/255, in linear light, relative to
-    the truth's mean there."""
-    where = np.abs(true.astype(int) - present(frame.back)).max(axis=-1) > 1
-    a, b = (camera.response.decode(p[where] / np.float32(255)).astype(np.float64) for p in (picture, true))
-    return float(np.sqrt(((a - b) ** 2).mean()) / b.mean())
+    """The picture's error where `true`, a picture as well, differs from the back picture."""
+    height, width = true.shape[:2]
+    whole = np.ones((height, width, 3))
+    truth = TruePicture(
+        true, camera.response.decode(true / 255.0).astype(np.float64), np.zeros((height, width)), whole, whole
+    )
+    return picture_error(picture, truth, present(frame.back), camera.response)
 
 
 def moments(place: str, scene: fastibl.Scene) -> list[Moment]:
