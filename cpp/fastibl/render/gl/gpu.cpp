@@ -80,9 +80,8 @@ Gpu::Gpu(bool own_context) {
   bake_all_ = asked("FASTIBL_GL_BAKED");
   half_ = asked("FASTIBL_GL_HALF") ||
           !(desktop || epoxy_has_gl_extension("GL_OES_texture_float_linear"));
-  GLint limit = 2048;
-  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
-  largest_ = limit;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest_);
+  glGetIntegerv(GL_MAX_CUBE_MAP_TEXTURE_SIZE, &largest_face_);
   glGenFramebuffers(2, framebuffers_);
   glGenRenderbuffers(1, &depth_);
   no_corners_ = new_vertex_array();
@@ -121,10 +120,19 @@ GLuint Gpu::new_vertex_array() {
   return vertex_arrays_.back();
 }
 
+void Gpu::check_size(int width, int height) const {
+  check(width <= largest_ && height <= largest_, "the GL driver's textures have at most ", largest_,
+        " texels along an edge, got ", width, " × ", height);
+}
+
+void Gpu::check_face(int size) const {
+  check(size <= largest_face_, "the GL driver's cube maps have faces of at most ", largest_face_,
+        " texels along an edge, got ", size);
+}
+
 void Gpu::allocate(Texture& t, GLenum internal, int width, int height, GLenum format, GLenum type,
                    const void* data) {
-  check(width <= largest_ && height <= largest_, "the GL driver's textures have at most ", largest_,
-        " texels along an edge, needed ", width, " × ", height);
+  check_size(width, height);
   glActiveTexture(GL_TEXTURE0);
   if (!t.id) t.id = new_texture();
   glBindTexture(GL_TEXTURE_2D, t.id);

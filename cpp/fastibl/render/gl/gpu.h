@@ -45,6 +45,9 @@ class Gpu {
   const ContextState& state() const { return state_; }
   const std::string& device() const { return device_; }
   int largest() const { return largest_; }     // edge of a texture, texels
+  // Throws std::invalid_argument for a texture, or a cube map's face, beyond the driver's limit.
+  void check_size(int width, int height) const;
+  void check_face(int size) const;
   bool half() const { return half_; }          // light is stored in half floats
   bool bake_all() const { return bake_all_; }  // no diffuse method has a shader of its own
 
@@ -78,7 +81,7 @@ class Gpu {
   ContextState state_;
   std::string device_;
   bool half_ = false, bake_all_ = false;
-  int largest_ = 2048;
+  int largest_ = 2048, largest_face_ = 2048;
   GLuint framebuffers_[2] = {}, depth_ = 0, no_corners_ = 0, smooth_ = 0;
   std::vector<GLuint> textures_, buffers_, vertex_arrays_;
   std::map<std::string, Program> programs_;

@@ -77,6 +77,7 @@ FaceRect on_level(const FaceRect& r, int n, int m) {
 
 void LightTextures::upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map) {
   check(map && map->size() > 0, "the radiance map is empty");
+  gpu.check_face(map->size());
   // The scale is a power of two, so it seldom changes; when it does, so do all stored values.
   const float scale = gpu.half() ? half_scale(largest_value(*map)) : 1.0f;
   const bool fits = radiance_size_ == map->size();

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "fastibl/core/check.h"
 #include "fastibl/render/gl/half_scale.h"
 
 namespace fastibl {
@@ -54,9 +53,7 @@ void MaterialTextures::upload(Gpu& gpu, const Material& material) {
     gpu.remove(maps_[i].texture);
     maps_[i] = {};
     if (!maps[i]) continue;
-    check(maps[i]->width() <= gpu.largest() && maps[i]->height() <= gpu.largest(),
-          "the GL driver's textures have at most ", gpu.largest(), " texels along an edge, got ",
-          maps[i]->width(), " × ", maps[i]->height());
+    gpu.check_size(maps[i]->width(), maps[i]->height());
     maps_[i].shown = maps[i];
     const float unit = i == kEmission ? emission_unit() : 1.0f;
     maps_[i].texture = {make(gpu, *maps[i], unit), maps[i]->width(), maps[i]->height()};
