@@ -324,7 +324,7 @@ def test_steps():
         ({"environment": np.ones((8, 8, 3))}, ValueError, "2 height"),
         ({"environment": np.ones((8, 16, 3), np.uint8)}, TypeError, "floats"),
         ({"environment": "nowhere.hdr"}, FileNotFoundError, "nowhere.hdr"),
-        ({"environment": __file__}, ValueError, "HDR"),
+        ({"environment": __file__}, ValueError, r"end in \.hdr"),
         ({"albedo": -1}, ValueError, "albedo"),
         ({"gyro": -1}, ValueError, "gyro"),
     ],
@@ -353,6 +353,13 @@ def test_a_map_from_a_file_is_what_read_environment_reads(tmp_path):
         fastibl.simulate(tmp_path / name, **given).truth.environment(0) for name in ("plain.hdr", "exposed.hdr")
     )
     np.testing.assert_allclose(exposed.faces, plain.faces / 4, rtol=1e-4, atol=1e-6)
+    cube = fastibl.cubemap_from_equirect(light, size=8)
+    fastibl.write_environment(tmp_path / "kept.ktx2", cube)  # as `fastibl live --keep` writes it
+    fastibl.write_environment(tmp_path / "faces.hdr", cube, layout="strip")
+    from_faces = simulate(cube, **given).truth.environment(0)
+    for name in ("kept.ktx2", "faces.hdr"):
+        kept = simulate(tmp_path / name, **given).truth.environment(0)
+        np.testing.assert_allclose(kept.faces, from_faces.faces, rtol=0.02, atol=0.02)
 
 
 def test_live_frames_are_the_same_each_time_they_are_iterated():

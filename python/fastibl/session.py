@@ -342,7 +342,7 @@ class Session(_Session):
         """Use the given light from the next frame on, a CubeMap as a map known everywhere; None to capture instead.
 
         Light that is set in every frame counts as moving light from the fourth frame on: shadows and lights then follow
-        it, and methods are judged again when a quarter of the light is new.
+        it, and methods are judged again when a tenth of the light is new.
         """
         self._set_environment(_known(environment))
         self._captures = environment is None

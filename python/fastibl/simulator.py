@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Board, Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
+from .environment_files import read_environment
 from .expected import expect
 from .pictures import LINEAR, read_picture
 from .recording import Frame, Recording, RecordingWriter, Truth
@@ -364,11 +365,11 @@ def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
         return environment, False
     if isinstance(environment, (str, os.PathLike)):
         path = Path(environment)
-        if path.suffix.lower() not in LINEAR:
-            raise ValueError(
-                f"{path} is no HDR picture; expected an equirectangular one that ends in {' or '.join(LINEAR)}"
-            )
-        return DistantPlace(read_picture(path), albedo), False
+        if path.suffix.lower() in LINEAR:
+            picture = read_picture(path)
+            if picture.shape[1] == 2 * picture.shape[0]:
+                return DistantPlace(picture, albedo), False  # as sharp as it is
+        return DistantPlace(read_environment(path), albedo), False
     return DistantPlace(environment, albedo), False
 
 
@@ -404,7 +405,8 @@ def simulate(
     """Makes a recording of a place whose light is known.
 
     environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
-    an .hdr file is a map at infinity, above an opaque table at z = 0 that it lights; or a Place of your own.
+    a file that `read_environment` reads (.hdr, .exr, .ktx2, .dds) is a map at infinity, above an opaque table at z = 0
+    that it lights; or a Place of your own.
     albedo: the table's mean albedo, a number or RGB; by default about that of the printed page.
     board: the printed page (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False is
     no board.

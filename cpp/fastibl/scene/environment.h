@@ -100,7 +100,7 @@ struct Environment {
   double predicted_low = 0, predicted_high = 1;  // ends of an interval that holds it 9 times in 10
   MapKnowledge knowledge = {};                   // that these predictions rest on
   glm::dvec3 centre{0};             // metres, marker frame: where the radiance is seen from
-  std::optional<RoomBox> box = {};  // whose walls the map shows, where they are known
+  std::optional<RoomBox> box = {};  // whose walls the map shows, where it was told
   std::optional<glm::dvec3> plane_irradiance = {};  // RGB, as the board's paper shows it
   std::vector<LightPosition> light_positions = {};  // of lights near enough to be triangulated
 

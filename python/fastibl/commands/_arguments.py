@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .._fastibl import Board, Material, Mesh, Response
 
+MESH_FILES = ".obj, .ply, .glb, .gltf, .stl, .off"
+
 
 def picture_size(text: str) -> tuple[int, int]:
     """ "640x480" as (640, 480)."""
@@ -75,9 +77,9 @@ _HEIGHT = 0.15  # metres
 
 def add_object(p: argparse.ArgumentParser, several: bool = False) -> None:
     """Options of the virtual object, or of several to choose from, and of how it is lit."""
-    what = "mesh (.obj, .ply, .glb); by default the built-in figurine"
+    what = f"mesh ({MESH_FILES}); by default the built-in figurine"
     if several:
-        what = "meshes (.obj, .ply, .glb) to choose from, besides built-in ones; the first is what it begins with"
+        what = f"meshes ({MESH_FILES}) to choose from, besides built-in ones; the first is what it begins with"
     p.add_argument("--object", type=Path, nargs="+" if several else None, metavar="FILE", help=what)
     p.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
     height = f"of the object in metres (default: {_HEIGHT})"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..plain_text import plain_text
-from ._arguments import parser
+from ._arguments import MESH_FILES, parser
 
 if TYPE_CHECKING:
     from ..measuring import Row
@@ -32,11 +32,11 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--environment", type=Path, action="append", nargs="+", metavar="HDR",
         help="equirectangular maps to measure on, .hdr or .exr (default: the built-in room)",
     )  # fmt: skip
-    made.add_argument("--mesh", type=Path, help="object (.obj, .ply, .glb); by default the built-in figurine")
+    made.add_argument("--mesh", type=Path, help=f"object ({MESH_FILES}); by default the built-in figurine")
     made.add_argument("--up", choices=("y", "z"), default="y", help="the mesh's upward axis (default: %(default)s)")
     made.add_argument("--recording", type=Path, help="folder of a recording (default: a simulated one)")
     made.add_argument("--out", type=Path, default=Path("report"), help="folder to write (default: %(default)s)")
-    made.add_argument("--quick", action="store_true", help="about a minute instead of 4 to 20")
+    made.add_argument("--quick", action="store_true", help="one to two minutes instead of 4 to 20")
     made.add_argument(
         "--against", type=Path, metavar="JSON",
         help="report.json of before: says what became better or worse; exit code 1 if something is clearly worse",

@@ -24,7 +24,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "fastibl simulate my-recording --environment venice_sunset_1k.hdr --seconds 8 --fps 15",
     )
     p.add_argument("out", metavar="OUT", help="folder to write; a recording that is there is replaced")
-    p.add_argument("--environment", metavar="HDR", help="equirectangular .hdr picture (default: a built-in room)")
+    p.add_argument("--environment", metavar="MAP", help=".hdr, .exr, .ktx2 or .dds (default: a built-in room)")
     p.add_argument("--seconds", type=positive, default=8.0, help="length (default: 8)")
     p.add_argument("--fps", type=positive, default=15.0, help="frames a second (default: 15)")
     p.add_argument("--seed", type=int, default=0, help="of the camera's path and the noise (default: 0)")
