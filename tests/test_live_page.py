@@ -17,6 +17,7 @@ import pytest
 import fastibl
 from fastibl.live_page import Choices, LiveLoop, PageServer, Settings, pictures, server
 from fastibl.live_page.connections import Connections
+from fastibl.live_page.threads import Threads
 from fastibl.live_page.viewers import Viewers
 from fastibl.recording import RecordingWarning
 from views import camera_of, looking
@@ -626,6 +627,38 @@ def until_closed(connection, seconds=5.0):
         while more := connection.recv(65536):
             received += more
     return received
+
+
+def of_connections():
+    return [thread for thread in threading.enumerate() if thread.name == "fastibl page's connection"]
+
+
+def test_threads_serve_one_connection_after_the_other(run):
+    """OpenCV keeps memory for each thread that ever was, and clients may connect anew for each request."""
+    client, page, _ = run()
+    before = set(of_connections())
+    for _ in range(40):
+        one = Client(page)
+        one.state()
+        one.connection.close()
+    assert len(set(of_connections()) - before) <= 4
+    page.close()
+    client.connection.close()
+    end = time.monotonic() + 10
+    while of_connections() and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not of_connections()
+
+
+def test_threads_run_jobs_at_once():
+    threads, all_there = Threads("a test's"), threading.Barrier(4, timeout=10)
+    for _ in range(2):
+        for _ in range(3):
+            threads.run(all_there.wait)
+        all_there.wait()
+    assert threading.active_count() >= 4
+    threads.close()
+    threads.run(lambda: pytest.fail("it is closed"))
 
 
 def test_who_was_not_admitted_makes_room(run):

@@ -28,6 +28,7 @@ from .connections import Connections
 from .loop import LiveLoop, free_path
 from .pictures import Pictures, save_picture
 from .state import overlay_of, state_of
+from .threads import Threads
 from .viewers import Viewers
 
 ADDRESS = "127.0.0.1"
@@ -131,15 +132,15 @@ class PageServer:
         self.close()
 
 
-class _Server(socketserver.ThreadingMixIn, HTTPServer):
-    """Tells connections that find no place so, and closes them."""
+class _Server(HTTPServer):
+    """Answers each connection in a thread of its own. Tells those that find no place so, and closes them."""
 
-    daemon_threads, block_on_close = True, False
     allow_reuse_address = os.name == "posix"  # on other systems, reuse would let two servers share the port
     request_queue_size = 16
 
     def __init__(self, address: tuple[str, int], page: PageServer):
         self.page, self.connections = page, Connections(_CONNECTIONS, _TIMEOUT)
+        self._threads = Threads("fastibl page's connection")
         super().__init__(address, _Handler)
 
     def server_bind(self) -> None:
@@ -149,18 +150,25 @@ class _Server(socketserver.ThreadingMixIn, HTTPServer):
 
     def process_request(self, request: Any, client_address: Any) -> None:
         if self.connections.take(request):
-            return super().process_request(request, client_address)
+            return self._threads.run(lambda: self._serve(request, client_address))
         with contextlib.suppress(OSError):
             request.settimeout(0.1)
             request.sendall(b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n\r\n")
         self.shutdown_request(request)
         return None
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
+    def _serve(self, request: Any, client_address: Any) -> None:
         try:
-            super().process_request_thread(request, client_address)
+            self.finish_request(request, client_address)
+        except Exception:
+            self.handle_error(request, client_address)
         finally:
+            self.shutdown_request(request)
             self.connections.leave(request)
+
+    def server_close(self) -> None:
+        super().server_close()
+        self._threads.close()
 
     def service_actions(self) -> None:
         """Ends late connections; called twice a second and after each new connection."""
