@@ -105,6 +105,10 @@ def _files(names, folder, monkeypatch):
     cv2.imwrite(str(folder / "panorama.jpg"), picture)
 
 
+def _photographs(names, folder, monkeypatch):
+    cv2.imwrite(str(folder / "table.jpg"), next(iter(names["recording"])).back[..., ::-1])
+
+
 # C++ blocks that are parts of a function: what stands before them, by page.
 CPP_PRELUDES = {
     "docs/embedding.md": """
@@ -128,6 +132,7 @@ SETUPS = {
     "docs/tracking.md": _tracking,
     "docs/report.md": _report,
     "docs/how-to/own-cameras.md": _own_cameras,
+    "docs/how-to/photographs.md": _photographs,
 }
 
 

@@ -7,6 +7,7 @@ from . import (  # noqa: F401
     exposures,
     faults,
     flicker,
+    lens,
     lights,
     merge,
     near,

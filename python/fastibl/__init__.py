@@ -156,8 +156,8 @@ _attach()
 
 # Imported only when they are asked for, because they import OpenCV or other large packages.
 _MODULES = (
-    "batch", "calibration", "display", "exposure", "faults", "guidance", "gyroscope", "live", "measuring", "recorder",
-    "recording", "report", "sources", "truth", "white",
+    "batch", "calibration", "display", "exposure", "faults", "guidance", "gyroscope", "live", "measuring",
+    "photographs", "recorder", "recording", "report", "sources", "truth", "white",
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .file_limits import check_pixels, file_bytes
 from .picture_headers import camera_picture_size
+from .whole_file import path_ending, write_whole
 
 _PERIOD = 1 / 30  # seconds between pictures, where a film does not tell its rate
 _MOST_DESCRIBED = 64 * 2**20  # bytes
@@ -34,10 +35,11 @@ _MATRIX_OF_MATROSKA = re.compile(rb"\x55\xb1\x81(.)", re.DOTALL)
 _CLUSTER = b"\x1f\x43\xb6\x75"
 
 
-def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArray[Any]:
+def read_pixels(path: str | os.PathLike[str], any_depth: bool = False, upright: bool = False) -> NDArray[Any]:
     """RGB (height, width, 3) uint8 of a picture file.
 
     any_depth: whether to give uint16 and float32 for files that hold more than 8 bits, which are otherwise cut to 8.
+    upright: whether to turn a picture as EXIF says; otherwise it is as the sensor took it.
     Raises ValueError, with the path, for what cannot be read, or is larger than fastibl.file_limits allows.
     """
     import cv2
@@ -50,7 +52,7 @@ def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArra
     if size is not None:
         check_pixels(Path(path), *size)
     try:
-        bgr = decode_pixels(np.frombuffer(data, np.uint8), any_depth)
+        bgr = decode_pixels(np.frombuffer(data, np.uint8), any_depth, upright)
     except cv2.error:
         bgr = None
     if bgr is None:
@@ -58,15 +60,33 @@ def read_pixels(path: str | os.PathLike[str], any_depth: bool = False) -> NDArra
     return np.ascontiguousarray(bgr[..., ::-1])
 
 
-def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False) -> NDArray[Any] | None:
-    """BGR (height, width, 3) of an encoded picture, with the depth of read_pixels(). cv2.error for a size beyond
-    belief."""
+def decode_pixels(data: NDArray[np.uint8], any_depth: bool = False, upright: bool = False) -> NDArray[Any] | None:
+    """BGR (height, width, 3) of an encoded picture, as read_pixels() reads it. cv2.error for a size beyond belief."""
     import cv2
 
     if not data.size:
         return None
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION | (cv2.IMREAD_ANYDEPTH if any_depth else 0)
+    flags = cv2.IMREAD_COLOR | (cv2.IMREAD_ANYDEPTH if any_depth else 0)
+    flags |= 0 if upright else cv2.IMREAD_IGNORE_ORIENTATION
     return cv2.imdecode(data, flags)
+
+
+def write_pixels(path: str | os.PathLike[str], picture: NDArray[Any]) -> None:
+    """Writes a picture (height, width, 3 or 4) RGB or RGBA, uint8 or uint16, either whole or not at all.
+
+    path: ends in .png, or in .jpg or .jpeg, which have 8 bits and no alpha. Raises ValueError for another ending.
+    """
+    import cv2
+
+    kind = path_ending(path, ".png", ".jpg", ".jpeg").suffix.lower()
+    if kind != ".png":
+        picture = as_bytes(picture)[..., :3]
+    order = [2, 1, 0, 3][: picture.shape[2]]
+    options = [] if kind == ".png" else [cv2.IMWRITE_JPEG_QUALITY, 95]
+    ok, encoded = cv2.imencode(kind, np.ascontiguousarray(picture[..., order]), options)
+    if not ok:
+        raise OSError(f"{path}: the picture cannot be encoded")
+    write_whole(path, encoded.tobytes())
 
 
 def as_bytes(picture: NDArray[Any]) -> NDArray[np.uint8]:

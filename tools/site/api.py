@@ -55,7 +55,7 @@ PAGES = {
     "recordings": (
         "Recordings and sources",
         "Where frames come from.",
-        "Recording simulate recording.Truth sources recorder faults batch?",
+        "Recording simulate recording.Truth sources photographs recorder faults batch?",
     ),
     "display": (
         "Pictures and plots",

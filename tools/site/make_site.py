@@ -27,7 +27,7 @@ NAVIGATION = {
     "Start": ["getting-started", "notebook", "conventions", "rooms"],
     "Methods": ["capture", "tracking", "light", "shadow", "self-shadow", "plan", "report", "extremes", "comparison"],
     "How to": [
-        *("how-to/own-cameras", "how-to/own-renderer", "how-to/change-the-object"),
+        *("how-to/own-cameras", "how-to/photographs", "how-to/own-renderer", "how-to/change-the-object"),
         *("how-to/on-set", "how-to/in-class", "how-to/pytorch", "how-to/graphics-card"),
         *("live", "program", "embedding", "files", "batch", "package", "faults"),
     ],

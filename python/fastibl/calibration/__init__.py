@@ -6,6 +6,7 @@ ValueError that says what to photograph.
 """
 
 from .board import BoardCalibration, calibrate_board
+from .guess import guess_camera
 from .intrinsics import CameraCalibration, calibrate_camera
 from .response import ResponseCalibration, calibrate_response
 from .rig import RigCalibration, calibrate_rig
@@ -23,4 +24,5 @@ __all__ = [
     "calibrate_response",
     "calibrate_rig",
     "calibrate_timing",
+    "guess_camera",
 ]

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._fastibl import FrameResult, MainLight, main_lights
-from ..camera_files import as_bytes
+from ..camera_files import as_bytes, write_pixels
 from ..guidance import Guidance, guide
-from ..whole_file import write_whole
 from .snapshot import Snapshot
 
 QUALITY = 85  # quality of JPEG
@@ -151,14 +150,9 @@ def save_picture(snapshot: Snapshot, path: Path) -> Path:
     FileExistsError where a file of that name exists, and other OSErrors where it cannot be written."""
     if snapshot.result is None:
         raise ValueError("there is no picture yet")
-    picture = snapshot.result.image
-    order = cv2.COLOR_RGBA2BGRA if picture.shape[2] == 4 else cv2.COLOR_RGB2BGR
-    ok, encoded = cv2.imencode(".png", cv2.cvtColor(picture, order))
-    if not ok:
-        raise OSError("the picture cannot be encoded")
     path.touch(exist_ok=False)  # reserves the name before the picture is written under it
     try:
-        write_whole(path, encoded.tobytes())
+        write_pixels(path, snapshot.result.image)
     except BaseException:
         path.unlink(missing_ok=True)
         raise
