@@ -114,6 +114,11 @@ def test_a_camera_without_calibration_is_guessed_and_says_so(monkeypatch):
         assert picture.shape == (360, 640, 3) and source.refused == 0
     (notice,) = opened.notices
     assert all(text in notice for text in ("60° wide", "fastibl calibrate", "--fov", "front camera", "65°"))
+    assert opened.lens is None, "it was told"
+    opened = open_source(parsed("--back", 0), print)
+    with opened.source as source:
+        assert opened.lens.usual == source.rig.back and "65° wide" in opened.notices[0]
+        assert "until the board" in opened.notices[0] and "until the board" not in notice
 
 
 def test_pictures_that_are_not_larger_stay_as_they_are():

@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 import fastibl
+from fastibl.calibration.guess import LensSearch
+from fastibl.guessed_rig import guessed_camera
 from fastibl.live_page import Choices, LiveLoop, PageServer, Settings, pictures, server
 from fastibl.live_page.connections import Connections
 from fastibl.live_page.threads import Threads
@@ -109,7 +111,7 @@ def run(tmp_path, monkeypatch, loaded):
     )
     with contextlib.ExitStack() as stack:
 
-        def begin(source=None, options=None, **others):
+        def begin(source=None, options=None, lens=None, **others):
             source = Source() if source is None else source
             loop = LiveLoop(
                 source,
@@ -118,6 +120,7 @@ def run(tmp_path, monkeypatch, loaded):
                 {"environment": WHITE} if options is None else options,
                 folder=tmp_path,
                 about="noise",
+                lens=lens,
             )
             page = stack.enter_context(PageServer(loop, **others))
             thread = threading.Thread(target=loop.run, daemon=True)
@@ -809,6 +812,43 @@ def test_a_source_that_fails_is_said(run):
     client, _, _ = run(Failing(count=2))
     state = client.until(lambda s: s["state"] == "ended")
     assert "the disk is gone" in state["reason"] and any("the disk is gone" in m["text"] for m in state["messages"])
+
+
+def filmed(degrees):
+    """A source of pictures from a tilt of 45 degrees, whose camera is so many degrees wide but is taken for 65."""
+    camera = guessed_camera((640, 480), degrees)
+    pose = fastibl.Pose.look_at(eye=(0.05, -0.35, 0.37), target=(0.0, 0.02, 0.0))
+    film = fastibl.simulate(
+        seconds=0.2, fps=10, size=(640, 480), rig=fastibl.Rig(camera), path=lambda _: pose, hand=False, lamp=False
+    )
+    pictures = [frame.back for frame in film]
+
+    class Filmed(Source):
+        def __iter__(self):
+            k = 0
+            while not self.closed:
+                time.sleep(self.pause)
+                yield fastibl.Frame(0.3 * k, pictures[k % 2], back_exposure=None)
+                k += 1
+
+    source = Filmed()
+    source.rig, source.board = fastibl.Rig(guessed_camera((640, 480))), fastibl.Board.default()
+    return source, camera
+
+
+@pytest.mark.parametrize("degrees", [50, 65])
+def test_a_lens_that_was_guessed_is_found(run, degrees):
+    """The session begins anew with it, once; where the guess was right, it goes on."""
+    source, camera = filmed(degrees)
+    client, page, loop = run(source, {}, lens=LensSearch(source.rig.back, source.board))
+    first = loop._session
+    state = client.until(lambda s: any("lens is" in m["text"] for m in s["messages"]))
+    assert f"lens is {degrees}° wide" in state["messages"][-1]["text"]
+    client.until(lambda s: s["picture"] > state["picture"] + 3)
+    assert page.loop.latest.get().rig.back.fx == pytest.approx(camera.fx, rel=0.02)
+    assert (loop._session is first) == (degrees == 65)
+    said = [m["text"] for m in client.state()["messages"] if "lens is" in m["text"]]
+    assert len(said) == 1 and ("as was taken" in said[0]) == (degrees == 65)
 
 
 def test_says_why_the_board_is_not_seen(run):

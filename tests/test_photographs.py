@@ -10,6 +10,7 @@ from board_pictures import held
 import fastibl
 from fastibl.__main__ import main
 from fastibl.calibration import guess_camera
+from fastibl.calibration.guess import LensSearch
 from fastibl.guessed_rig import guessed_camera
 from fastibl.photographs import Photographs
 
@@ -65,6 +66,23 @@ def test_a_lens_that_nothing_tells_is_the_usual_one():
         guess_camera([blank], BOARD, degrees=170)
 
 
+def test_the_lens_of_a_camera_in_use():
+    """From three views at a tilt; from above, none counts, and a view that was there only counts again later."""
+    usual = guessed_camera((640, 480))
+    search, tracker = LensSearch(usual, BOARD), fastibl.Tracker(BOARD, usual)
+    views = [(3, 0), (45, 0), (45, 0), (50, 60), (40, -60)]
+    for k, (tilt, turn) in enumerate(views):
+        rgb = picture(tilt, turn, k)[0]
+        found = search.add(rgb, tracker.track(rgb).camera_from_marker, 0.2 * k)
+        assert (found is None) == (k < 4)
+    camera, deviation = found
+    print(f"off by {abs(camera.fx / CAMERA.fx - 1):.4f}, stated {deviation:.4f}; before {usual.fx / CAMERA.fx - 1:.2f}")
+    assert abs(camera.fx / CAMERA.fx - 1) < 2 * deviation < 0.04
+    again = LensSearch(usual, BOARD)
+    found = [again.add(rgb, tracker.track(rgb).camera_from_marker, float(time)) for time in (0.0, 0.5, 1.1, 2.2)]
+    assert [f is None for f in found] == [True, True, True, False]
+
+
 def test_photographs_stand_upright_unless_the_lens_is_the_sensors(tmp_path):
     jpeg = cv2.imencode(".jpg", picture(50)[0][..., ::-1])[1].tobytes()
     (tmp_path / "held.jpg").write_bytes(held(jpeg, 6))
@@ -87,7 +105,7 @@ def test_an_object_in_one_photograph(folder, tmp_path, capsys):
     out = tmp_path / "made.png"
     arguments = ["render", str(folder / "0.png"), "--environment", str(folder / "room.hdr"), "--height", "0.12"]
     assert main([*arguments, "--out", str(out)]) == 0
-    assert "focal length within" in capsys.readouterr().out
+    assert "that the lens is 5" in capsys.readouterr().out
     photograph = cv2.imread(str(folder / "0.png"))
     made, changed = drawn(out, photograph)
     mesh = fastibl.stand(fastibl.shapes.figurine(), height=0.12)
@@ -126,7 +144,7 @@ def test_a_calibrated_camera(folder, tmp_path, capsys):
     out = tmp_path / "made.jpg"
     arguments = ["render", str(folder / "0.png"), "--environment", str(folder / "room.hdr"), "--out", str(out)]
     assert main([*arguments, "--rig", str(tmp_path / "rig.yaml"), "--board", str(tmp_path / "board.yaml")]) == 0
-    assert "focal length" not in capsys.readouterr().out and cv2.imread(str(out)).shape == (480, 640, 3)
+    assert "lens is" not in capsys.readouterr().out and cv2.imread(str(out)).shape == (480, 640, 3)
 
 
 @pytest.mark.parametrize(

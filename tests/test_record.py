@@ -14,6 +14,7 @@ import pytest
 import fastibl
 from fastibl import Frame, Recording, recorder
 from fastibl.__main__ import main
+from fastibl.guessed_rig import guessed_camera
 from fastibl.recorder import Recorder
 from fastibl.recording import RecordingWarning, RecordingWriter, write_rig
 from fastibl.sources import CameraSource
@@ -112,7 +113,8 @@ def test_a_film_is_recorded_whole(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(Recorder.__init__.__kwdefaults__, "buffer", 3 * 64 * 48 * 3)  # reads faster than it writes
     out, video = tmp_path / "out", film(tmp_path / "camera.avi", 100)
     assert main(["record", str(out), "--back", video]) == 0
-    assert "all 100 frames" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "all 100 frames" in said.out and "stays 65 degrees wide" in said.err
     recording = Recording.open(out)
     frames = list(recording)
     assert [int(f.back[0, 0, 0]) for f in frames] == pytest.approx(range(100), abs=2)
@@ -124,6 +126,27 @@ def test_a_film_is_recorded_whole(tmp_path, capsys, monkeypatch):
     assert len(both) == 16 and all(f.front is not None for f in both)
     assert main(["record", str(out), "--front", video, "--seconds", "0.2"]) == 0
     assert all(f.back is None and f.front is not None for f in Recording.open(out))
+
+
+def test_the_lens_of_a_film_is_found(tmp_path, capsys):
+    """From the board that it shows; that of a rig stays. Truth: the simulator's camera."""
+    camera = guessed_camera((640, 480), 52)
+    made = fastibl.simulate(seconds=1.2, fps=10, rig=fastibl.Rig(camera.replace(readout=0.02)), hand=False, lamp=False)
+    video = str(tmp_path / "film.avi")
+    writer = cv2.VideoWriter(video, cv2.VideoWriter_fourcc(*"MJPG"), 10, (640, 480))
+    for frame in made:
+        writer.write(np.ascontiguousarray(frame.back[..., ::-1]))
+    writer.release()
+    out, rig = tmp_path / "out", tmp_path / "rig.yaml"
+    assert main(["record", str(out), "--back", video]) == 0
+    assert "lens is 52 degrees wide" in capsys.readouterr().out
+    found = Recording.open(out).rig.back
+    print(f"focal length off by {found.fx / camera.fx - 1:.4f}")
+    assert found.fx == pytest.approx(camera.fx, rel=0.015) and len(list(Recording.open(out))) == 12
+    write_rig(rig, fastibl.Rig(guessed_camera((640, 480))))
+    assert main(["record", str(out), "--back", video, "--rig", str(rig)]) == 0
+    assert "lens is" not in capsys.readouterr().out
+    assert Recording.open(out).rig.back.fx == pytest.approx(guessed_camera((640, 480)).fx)
 
 
 def test_what_a_film_cannot_do_is_said(tmp_path, capsys):

@@ -19,6 +19,16 @@ def guessed_camera(size: tuple[int, int], degrees: float = DEGREES) -> Camera:
     return Camera(width, height, f, f, width / 2, height / 2)
 
 
+def degrees_across(camera: Camera) -> float:
+    """The angle of guessed_camera()."""
+    return float(2 * np.degrees(np.arctan(camera.width / 2 / camera.fx)))
+
+
+def with_back(rig: Rig, back: Camera) -> Rig:
+    """The rig with another back camera in the same place."""
+    return Rig(back) if rig.front is None else Rig(back, rig.front, rig.front_from_back)
+
+
 def guessed_rig(
     back: tuple[int, int],
     front: tuple[int, int] | None = None,

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from .._fastibl import Board, Camera, Response
+from .._fastibl import Board, Camera, Pose, Response
 from ..expected import expect
 from ..guessed_rig import DEGREES, guessed_camera
-from .corners import find_corners, size_of
+from .corners import Seen, find_corners, size_of
 
 _USUAL = 0.12  # deviation of the logarithm of the focal length among cameras that take photographs
 # What distortion and the lens's middle, which are not known, do to a focal length that a board shows at a tilt: this by
@@ -33,26 +33,80 @@ def guess_camera(
     picture; that of the camera where no picture shows the board. Raises ValueError for pictures of several sizes.
     """
     expect(board, Board, "board")
-    width, height = size_of(pictures)
-    usual = guessed_camera((width, height), degrees).replace(response=response)
-    seen = [s for s in (find_corners(p, board, usual) for p in pictures) if s.ids]
+    usual = guessed_camera(size_of(pictures), degrees).replace(response=response)
+    return _by_corners([s for s in (find_corners(p, board, usual) for p in pictures) if s.ids], usual)
+
+
+def _by_corners(seen: Sequence[Seen], usual: Camera) -> tuple[Camera, float]:
+    """guess_camera, of corners that were found. usual: the camera where they tell nothing."""
     if not seen:
         return usual, _USUAL
     flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_ASPECT_RATIO
     flags |= cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
     points, pixels = [s.points() for s in seen], [s.opencv_pixels() for s in seen]
-    matrix = usual.opencv_matrix
     try:
         _, found, _, turns, _, deviations, *_ = cv2.calibrateCameraExtended(
-            points, pixels, (width, height), matrix, np.zeros(5), flags=flags
+            points, pixels, (usual.width, usual.height), usual.opencv_matrix, np.zeros(5), flags=flags
         )
     except cv2.error:
         return usual, _USUAL
     f = float(found[0, 0])
-    tilt = max(float(np.arccos(np.clip(abs(cv2.Rodrigues(turn)[0][2, 2]), 0, 1))) for turn in turns)
+    tilt = max(_tilt(cv2.Rodrigues(turn)[0]) for turn in turns)
     shown = np.hypot(float(np.max(deviations[:2])) / f, _LENS / np.tan(max(tilt, _LEAST_TILT))) if f > 0 else np.inf
     if not np.isfinite(shown):
         return usual, _USUAL
     weights = np.array([1 / _USUAL**2, 1 / shown**2])
     f = float(np.exp(weights @ np.log([usual.fx, f]) / weights.sum()))
     return usual.replace(fx=f, fy=f), float(weights.sum() ** -0.5)
+
+
+def _tilt(rotation: NDArray[np.float64]) -> float:
+    """Radians between a board's normal and the camera's axis."""
+    return float(np.arccos(np.clip(abs(rotation[2, 2]), 0, 1)))
+
+
+class LensSearch:
+    """Finds the focal length of a camera that is in use, from views of the board at a tilt.
+
+    usual: the camera until then. enough: relative deviation of the focal length at which the search ends.
+    """
+
+    _VIEWS = 3  # at least: a hand that moves shifts the rows of one picture
+    _MOST_VIEWS = 8
+    _TILT = np.radians(15)  # at least
+    _APART = np.radians(8)  # between views
+    _LATER = 1.0  # seconds after which the same view counts again
+
+    def __init__(self, usual: Camera, board: Board, enough: float = 0.02):
+        self.usual, self._board, self._enough = usual, board, enough
+        self._views: list[tuple[float, NDArray[np.float64], Seen]] = []  # tilt; the camera's direction from the board
+        self._last = -np.inf
+
+    def add(self, picture: ArrayLike, camera_from_marker: Pose, time: float) -> tuple[Camera, float] | None:
+        """The camera and its deviation once views tell it well enough. camera_from_marker: by the usual camera.
+
+        A picture that shows no more than those before is left out, which takes next to no time; others take some 20 ms.
+        """
+        tilt = _tilt(camera_from_marker.rotation)
+        place = camera_from_marker.inverse().translation
+        direction = place / np.linalg.norm(place)
+        known = any(float(direction @ other) > np.cos(self._APART) for _, other, _ in self._views)
+        full = len(self._views) == self._MOST_VIEWS
+        least = min((t for t, *_ in self._views), default=0.0) if full else self._TILT
+        if tilt < least or (known and 0 <= time - self._last < self._LATER):
+            return None
+        self._last = time
+        seen = find_corners(picture, self._board, self.usual)
+        if not seen.ids:
+            return None
+        if full:
+            self._views.remove(min(self._views, key=lambda view: view[0]))
+        self._views.append((tilt, direction, seen))
+        best = self.best()
+        return best if best is not None and best[1] <= self._enough else None
+
+    def best(self) -> tuple[Camera, float] | None:
+        """The camera and its deviation by the views so far; None where they are too few."""
+        if len(self._views) < self._VIEWS:
+            return None
+        return _by_corners([view[2] for view in self._views], self.usual)

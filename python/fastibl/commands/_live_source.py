@@ -19,12 +19,13 @@ _CATCH_UP = 0.1  # seconds
 @dataclass
 class Opened:
     """A source that was opened. about: the source in words, or a function that gives them. notices: what a user should
-    know about it. adaptive: the light meter of its front camera."""
+    know about it. adaptive: the light meter of its front camera. lens: finds that of its back camera."""
 
     source: Any
     about: str | Callable[[], str]
     notices: list[str] = field(default_factory=list)
     adaptive: Any = None
+    lens: Any = None
 
 
 class _FirstKnown:
@@ -92,7 +93,7 @@ def _recorded(arguments: argparse.Namespace) -> Opened:
 
     for name, usual in (
         ("rig", None),
-        ("fov", DEGREES),
+        ("fov", None),
         ("front_fov", DEGREES),
         ("exposures", "adaptive"),
         ("flicker", 0),
@@ -108,6 +109,7 @@ def _recorded(arguments: argparse.Namespace) -> Opened:
 
 
 def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opened:
+    from ..calibration.guess import LensSearch
     from ..calibration_files import read_rig
     from ..exposure import Bracket
     from ..live_camera import silence_ffmpeg
@@ -126,11 +128,12 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
     adapts = arguments.front is not None and arguments.exposures == "adaptive"
     adaptive = _FirstKnown(rig.front, arguments.flicker) if adapts else None
     schedule = adaptive or (Bracket() if arguments.exposures == "bracket" else None)
+    board = board_of(arguments.board)
     source = CameraSource(
         rig,
         back,
         arguments.front,
-        board_of(arguments.board),
+        board,
         schedules={"front": schedule} if schedule else None,
         patience=math.inf if arguments.patience is None else arguments.patience,
         log=log,
@@ -143,14 +146,15 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
             "how bright the rest must be. Turn the camera around the room, or give `--front CAMERA` or "
             "`--environment room.hdr`."
         )
-    return Opened(source, about, notices, adaptive)
+    lens = LensSearch(rig.back, board) if guessed and arguments.fov is None else None
+    return Opened(source, about, notices, adaptive, lens)
 
 
 def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[str, Any], list[str]]:
     """A rig for cameras without calibration: the sizes of their pictures are taken as they come, their angles are
     guessed."""
     from ..found_camera import picture_size, scaled_opener
-    from ..guessed_rig import guessed_rig
+    from ..guessed_rig import DEGREES, guessed_rig
 
     devices = [back] if arguments.front is None else [back, arguments.front]
     try:
@@ -158,16 +162,20 @@ def _found(arguments: argparse.Namespace, back: int | str) -> tuple[Any, dict[st
     except OSError as error:
         raise OSError(f"{error}; `fastibl live --simulate` shows everything without a camera") from None
     front = None if arguments.front is None else sizes[arguments.front]
-    rig = guessed_rig(sizes[back], front, arguments.fov, arguments.front_fov)
+    rig = guessed_rig(sizes[back], front, arguments.fov or DEGREES, arguments.front_fov)
     return rig, {"open_capture": scaled_opener(sizes)}, [guess_notice(arguments)]
 
 
 def guess_notice(arguments: argparse.Namespace) -> str:
     """What it means that the cameras are not calibrated."""
+    from ..guessed_rig import DEGREES
+
+    told = arguments.fov is not None
+    until = "" if told else ", until the board, seen from the side for some seconds, shows it"
     notice = (
-        f"No calibration: the back camera's lens is taken for {arguments.fov:g}° wide and without distortion. 10° off "
-        "put it a fifth too near or too far, and the object slips on the board when the camera moves. "
-        "`fastibl calibrate` measures it in some minutes; `--fov` says what you know."
+        f"No calibration: the back camera's lens is taken for {arguments.fov if told else DEGREES:g}° wide and without "
+        f"distortion{until}. 10° off put it a fifth too near or too far, and the object slips on the board when the "
+        "camera moves. `fastibl calibrate` measures it in some minutes; `--fov` says what you know."
     )
     if arguments.front is not None:
         notice += (

@@ -42,9 +42,19 @@ def add(commands: argparse._SubParsersAction) -> None:
     source.add_argument("--simulate", action="store_true", help="a virtual camera in a simulated room")
     source.add_argument("--recording", type=Path, metavar="REC", help="a recording, in its own time")
     source.add_argument("--rig", type=Path, metavar="YAML", help="calibration (default: none; angles are then guessed)")
-    angle: dict[str, Any] = {"type": positive, "default": _DEGREES, "metavar": "DEG"}
-    source.add_argument("--fov", **angle, help="angle across the back picture, without --rig (default: %(default)g)")
-    source.add_argument("--front-fov", **angle, help="the same of the front picture")
+    source.add_argument(
+        "--fov",
+        type=positive,
+        metavar="DEG",
+        help=f"angle across the back picture, without --rig (default: {_DEGREES:g} until the board shows it)",
+    )
+    source.add_argument(
+        "--front-fov",
+        type=positive,
+        default=_DEGREES,
+        metavar="DEG",
+        help="the same of the front picture (default: %(default)g)",
+    )
     source.add_argument("--size", type=picture_size, default=(640, 480), metavar="WxH", help="without --rig")
     _add_light(p.add_argument_group("light"))
     add_object(p, several=True)
@@ -146,6 +156,7 @@ def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
             after_frame=watch.take,
             log=tell,
             watched=not arguments.no_page,
+            lens=opened.lens,
         )
         log.to, watch.loop, watch.kept, ending.loop = loop.say, loop, kept, loop
         if not arguments.no_page:

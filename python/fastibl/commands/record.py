@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import time
 from contextlib import ExitStack
@@ -18,6 +19,9 @@ from ._arguments import add_cameras, board_of, parser, picture_size
 
 if TYPE_CHECKING:
     from .._fastibl import Rig
+
+_LOOKED_AT = 600  # frames in which the lens is looked for
+_SURE = 0.03  # relative deviation of a focal length that is believed
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -51,11 +55,42 @@ def _rig(arguments: argparse.Namespace, back: tuple[int, int] | None, front: tup
     if arguments.rig is not None:
         return read_rig(arguments.rig)
     print(
-        f"no --rig: the recording says cameras of {DEGREES:g} degrees; calibrate before light is measured",
+        f"no --rig: cameras are taken to be {DEGREES:g} degrees wide, the back one until the board shows its lens",
         file=sys.stderr,
     )
     # With a front camera alone, the back camera is a mere placeholder.
     return guessed_rig(present(back or front), front)
+
+
+def _find_lens(path: Path) -> None:
+    """Writes the lens that the board shows into a recording whose back camera was guessed."""
+    from ..calibration.guess import LensSearch
+    from ..calibration_files import write_rig
+    from ..guessed_rig import degrees_across, with_back
+    from ..recording import Recording
+    from ..tracking import Tracker
+
+    recording = Recording.open(path)
+    rig, board, usual = recording.rig, recording.board, recording.rig.back
+    search, tracker = LensSearch(usual, board, enough=0.0), Tracker(board, usual)
+    for frame in itertools.islice(recording, _LOOKED_AT):
+        pose = None if frame.back is None else tracker.track(frame.back, frame.time)
+        if pose is not None:
+            search.add(present(frame.back), pose.camera_from_marker, frame.time)
+    found = search.best()
+    if found is None or found[1] > _SURE:
+        print(
+            "the board does not show the back camera's lens, which stays "
+            f"{degrees_across(usual):.0f} degrees wide: show the board from the side, or calibrate the camera",
+            file=sys.stderr,
+        )
+        return
+    camera, deviation = found
+    write_rig(path / "rig.yaml", with_back(rig, camera))
+    print(
+        f"the board shows that the back camera's lens is {degrees_across(camera):.0f} degrees wide (within "
+        f"{100 * deviation:.1f} %)"
+    )
 
 
 def _copy_films(arguments: argparse.Namespace) -> int:
@@ -81,6 +116,8 @@ def _copy_films(arguments: argparse.Namespace) -> int:
                 break
             recorder.add(frame, wait=True)
     print(f"{arguments.out}: all {recorder.written} frames of the film, none told its exposure")
+    if arguments.rig is None and back is not None:
+        _find_lens(arguments.out)
     return 0
 
 
@@ -129,4 +166,6 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
         f"{arguments.out}: {recorder.written} frames, {recorder.dropped} dropped for lack of speed of the disk, "
         f"{source.dropped} pictures not asked for in time"
     )
+    if arguments.rig is None and back is not None:
+        _find_lens(arguments.out)
     return 0

@@ -202,7 +202,7 @@ def _render_photographs(arguments: argparse.Namespace) -> int:
     from ..calibration_files import read_rig
     from ..camera_files import write_pixels
     from ..expected import present
-    from ..guessed_rig import DEGREES
+    from ..guessed_rig import DEGREES, degrees_across
     from ..photographs import Photographs
     from ..session import Session
     from ..tracking import Tracker
@@ -218,9 +218,8 @@ def _render_photographs(arguments: argparse.Namespace) -> int:
     outputs = _outputs(arguments.out, photographs)
     camera = photographs.rig.back
     if photographs.lens_deviation is not None:
-        across = 2 * math.degrees(math.atan(camera.width / 2 / camera.fx))
-        within = f"{100 * photographs.lens_deviation:.2g} %"
-        print(f"the lens: {across:.0f} degrees across, its focal length within {within} (one standard deviation)")
+        within = f"{100 * photographs.lens_deviation:.1f} %"
+        print(f"the board shows that the lens is {degrees_across(camera):.0f} degrees wide (within {within})")
     scene, options = _scene(arguments), _options(arguments)
     cube = _map_of(arguments)
     session = Session(
@@ -238,7 +237,8 @@ def _render_photographs(arguments: argparse.Namespace) -> int:
             write_pixels(outputs[k], result.image)
             written.append(outputs[k])
             return
-        message = f"{photographs.paths[k]}: the board is not seen. {Tracker(photographs.board, camera).explain(present(frame.back))}"
+        why = Tracker(photographs.board, camera).explain(present(frame.back))
+        message = f"{photographs.paths[k]}: the board is not seen. {why}"
         if len(photographs) == 1:
             raise ValueError(message)
         print(message)

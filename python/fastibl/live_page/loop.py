@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from .._fastibl import Material, Pose, Scene
+from .._fastibl import FrameResult, Material, Pose, Scene
+from ..calibration.guess import LensSearch
+from ..guessed_rig import degrees_across, with_back
 from ..live import Played, play
 from ..recorder import Recorder
-from ..recording import RecordingWarning
+from ..recording import Frame, RecordingWarning
 from ..session import Session, bake_shadow
 from .choices import OWN, Choices
 from .snapshot import Latest, Snapshot
@@ -31,6 +33,7 @@ _SLOW_FRAMES = 5  # slow frames in a row before time is limited
 _QUICK_ENOUGH = 50.0  # milliseconds a frame may then take
 _PAUSE = 0.1  # seconds without a picture after which changes are looked for
 _LATE = 1.5  # seconds without a back picture after which the page says that it waits
+_SAME_LENS = 0.01  # relative difference of focal lengths for which nothing begins anew
 _WAITING_FOR = "no new picture comes; it goes on by itself when one does"
 
 
@@ -72,7 +75,7 @@ class LiveLoop:
     options: more options of Session (environment, distance, ...). folder: where recordings go. about: the source in
     words, or a function that gives them. after_frame: called in the loop's thread, with the session and what it made of
     each frame. log: called with each message. watched: whether a person looks on; if so, frames that take long to keep
-    to their error get a time budget.
+    to their error get a time budget. lens: finds that of a back camera that was guessed; light is then captured anew.
     """
 
     def __init__(
@@ -87,10 +90,11 @@ class LiveLoop:
         after_frame: Callable[[Session, Played], None] | None = None,
         log: Callable[[str], None] = lambda line: None,
         watched: bool = True,
+        lens: LensSearch | None = None,
     ):
         self.source, self.choices, self.folder = source, choices, folder
         self._options, self._after_frame, self._log = dict(options or {}), after_frame, log
-        self._settings, self._watched = settings, watched
+        self._settings, self._watched, self._lens = settings, watched, lens
         self._about = about if callable(about) else lambda: about
         self._queue: queue.Queue[Mapping[str, Any]] = queue.Queue(_WAITING)
         self._stopping = threading.Event()
@@ -228,11 +232,31 @@ class LiveLoop:
             changes |= self._pictures(played) | {"timings": tuple(self._timings), "fps": self._fps(now)}
             if played.frame.back is not None:
                 changes["made"] = now
+                self._search_lens(played.frame, result)
         late = "made" not in changes and self._late()  # the front camera goes on alone
         state = "frozen" if self._settings.freeze else "waiting" if late else "running"
         self._show(state=state, reason=_WAITING_FOR if state == "waiting" else "", **changes)
         if self._after_frame is not None:
             self._after_frame(self._session, played)
+
+    def _search_lens(self, frame: Frame, result: FrameResult) -> None:
+        """Begins anew with the lens that the board shows, but not amid a recording, which has one lens."""
+        pose = result.back_from_marker
+        if self._lens is None or pose is None or self._recorder is not None or frame.back is None:
+            return
+        found = self._lens.add(frame.back, pose, frame.time)
+        if found is None:
+            return
+        (camera, deviation), usual = found, self._lens.usual
+        self._lens = None
+        angle = f"{degrees_across(camera):.0f}° wide (within {100 * deviation:.1f} %)"
+        shows = f"the board shows that the back camera's lens is {angle}"
+        if abs(camera.fx / usual.fx - 1) < _SAME_LENS:
+            self.say(f"{shows}, as was taken")
+            return
+        self.say(f"{shows}, where {degrees_across(usual):.0f}° was taken: light is captured anew with it")
+        self.source.rig = with_back(self.source.rig, camera)
+        self._restarting = True
 
     def _watch_time(self, seconds: float) -> None:
         """Limits the time of frames for a person who looks on and set no time: a mirror within 2 % may take most of a
@@ -272,6 +296,7 @@ class LiveLoop:
             messages=messages,
             recording=recording,
             settings=self._settings,
+            rig=self.source.rig,
             source=self._about(),
             dropped=int(getattr(self.source, "dropped", 0)),
             **changes,
