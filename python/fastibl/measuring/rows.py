@@ -77,7 +77,7 @@ def row(
 ) -> Row:
     """A Row of this run, machine and commit; numbers are kept to four digits.
 
-    yard: the yardstick's seconds while `time` was taken; by default those at the beginning of the run.
+    yard: the yardstick's seconds while `time` was taken; by default those of now.
     """
     return Row(
         method,
