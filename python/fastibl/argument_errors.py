@@ -43,6 +43,10 @@ class _Parameter(NamedTuple):
     needed: bool
     by_name: bool  # comes after a bare *
 
+    def said(self) -> str:
+        """The name, where it has one; what an attribute is set to has none."""
+        return "it" if re.fullmatch(r"arg\d", self.name) else self.name
+
     def has_room_for(self, value: Any) -> bool:
         """False if a whole number is expected and the value is one that is too large or below 0."""
         if SupportsIndex not in self.kinds or value is None:
@@ -55,6 +59,7 @@ class _Parameter(NamedTuple):
     def expected(self) -> str:
         """Says what is expected; for a sequence, also what it should hold."""
         text = self.annotation.replace("typing.SupportsFloat | typing.SupportsIndex", "numbers")
+        text = text.replace(f"{_fastibl.__name__}.", "")
         text = text.replace("typing.SupportsInt | typing.SupportsIndex", "whole numbers")
         sized = r'typing\.Annotated\[collections\.abc\.Sequence\[([^][]*)\], "FixedSize\((\d+)\)"\]'
         while re.search(sized, text):
@@ -138,7 +143,7 @@ def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
             if p.needed:
                 return f"{name} needs {p.name}: {names}"
             continue
-        value, what = given[p.name], "it" if re.fullmatch(r"arg\d", p.name) else p.name
+        value, what = given[p.name], p.said()
         if not isinstance(value, p.kinds or object):
             if value is None and all(kind.__module__ == _fastibl.__name__ for kind in p.kinds):
                 maybe = maybe or wrong_type(value, p.kinds, what)
@@ -150,5 +155,5 @@ def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
         return maybe
     holders = [p for p in every if "[" in p.annotation and p.name in given]
     if len(holders) == 1:
-        return f"{holders[0].name} must be {holders[0].expected()}, got {repr(given[holders[0].name])}"
+        return f"{holders[0].said()} must be {holders[0].expected()}, got {repr(given[holders[0].name])}"
     return message
