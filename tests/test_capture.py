@@ -232,6 +232,30 @@ def test_noisy_and_slow_brackets_leave_what_was_well_exposed(noise, step):
     assert abs(wall.mean()) < 0.01 and wall.std() < 0.05
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("count", [1, 20])
+def test_noise_that_is_cut_off_makes_no_light(share, count):
+    """A place whose light is a share of what noise is, in pictures with a lamp: sensors cut noise off at 0. Where it is
+    black, that left 0.4 deviations of noise as light, in a short exposure a hundred times the place's own."""
+    deviation, exposure, rng = 0.0015, 2.0**-10, np.random.default_rng(3)
+    camera, pose = camera_of(), looking((0.2, 1.0, 0.9))
+    radiance = share * deviation / exposure
+    capture = fastibl.Capture(size=32, centre=CENTRE)
+    for _ in range(count):
+        light = np.full((camera.height, camera.width, 3), share * deviation)
+        light[20:30, 20:30] = 0.7
+        light = np.clip(light + rng.normal(0, deviation, light.shape), 0, 1)
+        codes = np.rint(255 * camera.response.encode(light.astype(np.float32))).astype(np.uint8)
+        capture.add(codes, camera, pose, exposure)
+    beside = np.ones((camera.height, camera.width), np.uint8)
+    beside[:40, :40] = 0
+    environment, seen = capture.environment(), seen_in(camera, pose, 32, beside)
+    off = (environment.radiance.faces[seen].mean() - radiance) * exposure / deviation
+    left = np.maximum(share + rng.normal(size=10000), 0).mean() - share
+    print(f"{count} pictures, light of {share} deviations: off by {off:.3f}; cut off, by {left:.3f}")
+    assert seen.sum() > 300 and abs(off) < 0.1
+
+
 def test_twenty_stops_do_not_leak():
     towards = (0.3, 1, 0.8)
     radiance, axis = with_lamp(0.01, 0.01 * 2.0**20, towards, 0.1)

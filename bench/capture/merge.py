@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fastibl
+from fastibl.recording import truth_of
 
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
@@ -141,3 +142,18 @@ def far_apart() -> Iterator[Goal]:
             value <= 0.01,
             (f"median of the place {np.median(dark):.4f} of 1; clipped {percent(env.clipped, 2)}",),
         )
+
+
+@row("capture", "merge of a room's exposures")
+def room() -> Iterator[Goal]:
+    """Two exposures: most of the room is black in the second, where noise that is cut off at 0 looks like light."""
+    film = fastibl.simulate(seconds=0.1, fps=10, size=(64, 48), hand=False, lamp=False)
+    cube = truth_of(film).environment(0.0)
+    truth, first = without_horizon(cube), exposures(cube)[0]
+    errors = {stops: error(truth, captured(truth, [first, first * 2.0**-stops])) for stops in (6, 8, 10, 12)}
+    yield Goal(
+        "HDR merge of the built-in room, two exposures 6, 8, 10 and 12 stops apart",
+        ", ".join(percent(e) for e in errors.values()),
+        "<= 0.5 % to 10 stops",
+        max(e for stops, e in errors.items() if stops <= 10) <= 0.005,
+    )

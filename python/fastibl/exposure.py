@@ -24,7 +24,7 @@ def whole_periods(exposure: float, flicker: float, seconds_at_one: float = 0.01)
 class Bracket:
     """Fixed exposures in turn, whatever they show; CameraSource and simulate ask it for the next one.
 
-    steps: exposures relative to the first one, which the camera finds itself; each at least a 256th of the one before,
+    steps: exposures relative to the first one, which the camera finds itself; each at least a 1000th of the one before,
     or light that clips in one is lost in the noise of the next.
     """
 

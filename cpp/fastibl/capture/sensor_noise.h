@@ -29,9 +29,11 @@ class SensorNoise {
   // what was known stays.
   void listen(const PixelReader& pixels, int width, int height);
   float more() const { return more_; }  // variance beyond that of the sensor above
+  // Standard deviation of a dark pixel, where pictures show that noise is cut off at 0; else 0.
+  float cut_off() const { return cut_off_; }
 
  private:
-  float more_ = 0;
+  float more_ = 0, cut_off_ = 0;
   std::array<float, kTerms> code_variance_{};
 };
 

@@ -62,6 +62,34 @@ FASTIBL_CLONES void sensor_variance(const float* __restrict linear,
   }
 }
 
+// Noise that is cut off at 0 makes dark texels too bright, by 0.4 deviations where there is no
+// light: in a short exposure that may be more than the place's own light. Takes that off from
+// texels that are too dark to be told from noise, judged by all of the group together. Those that
+// are seen for the first time take the mean of them all, because each by itself is either too
+// bright or 0. deviation: of a pixel. Returns `linear` where nothing is that dark, or what it left
+// in `lowered`.
+const float* take_off_noise(const float* linear, const int* seen, const int* firsts,
+                            float deviation, int lanes, float* lowered) {
+  constexpr float kDark = 2;           // deviations
+  constexpr double kRaised = 0.39894;  // deviations: the mean of a normal variable cut off at 0
+  constexpr double kFalls = 0.31;      // the brighter the mean, the less it is raised, within 0.01
+  const float limit = kDark * deviation;
+  double sum = 0;
+  int count = 0;
+  for (int i = 0; i < lanes; ++i)
+    if (seen[i] && linear[i] < limit) sum += double(linear[i]), ++count;
+  if (count == 0) return linear;
+  const double mean = sum / count / double(deviation);
+  const double fall = 1 + kFalls * (mean - kRaised), fourth = fall * fall * fall * fall;
+  const double raised = std::min(mean, kRaised / (fourth * fourth));
+  const float off = float(raised) * deviation, common = float(mean - raised) * deviation;
+  for (int i = 0; i < lanes; ++i) {
+    const bool dark = seen[i] && linear[i] < limit;
+    lowered[i] = !dark ? linear[i] : firsts[i] ? common : linear[i] - off;
+  }
+  return lowered;
+}
+
 struct ChannelInput {
   const int *seen, *first;
   const float *elapsed, *linear, *scale, *sensor;
@@ -114,7 +142,8 @@ FASTIBL_CLONES void merge_channel(const ChannelInput& in, float* __restrict valu
     const float raised = raise ? sample : value;
     const int doubt = replace ? raise : 0;  // an "and" would not be vectorised
     const float guessed = doubt ? kBoundNoise * kBoundNoise * sample * sample : variances[i];
-    const float next = clips[i] ? raised : measured, next_variance = clips[i] ? guessed : left;
+    const float lit = measured > 0 ? measured : 0.0f;  // what lies below 0 is noise
+    const float next = clips[i] ? raised : lit, next_variance = clips[i] ? guessed : left;
     const int next_bound = clips[i] ? (bounds[i] | doubt) : (bounds[i] & (1 - replace));
     values[i] = seen[i] ? next : value;
     variances[i] = seen[i] ? next_variance : variances[i];
@@ -284,13 +313,17 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
   }
   const int bounded = split_bounds(&state.bound[first], lanes, bounds);
   invert_counts(sightings.pixels, lanes, inverse_count);
+  alignas(64) float lowered[kTexelLanes];
   for (int c = 0; c < 3; ++c) {
-    sensor_variance(samples.linear[c], inverse_count, noise.code_variance().data(), noise.more(),
-                    lanes, sensor);
+    const float* linear = samples.linear[c];
+    if (noise.cut_off() > 0)
+      linear = take_off_noise(linear, sightings.seen, firsts, noise.cut_off(), lanes, lowered);
+    sensor_variance(linear, inverse_count, noise.code_variance().data(), noise.more(), lanes,
+                    sensor);
     const ChannelInput in{sightings.seen,
                           firsts,
                           elapsed,
-                          samples.linear[c],
+                          linear,
                           samples.radiance_per_linear,
                           sensor,
                           samples.any_clipped ? samples.clipped[c] : kNoneClipped,
