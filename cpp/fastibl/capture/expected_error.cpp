@@ -11,8 +11,8 @@ constexpr double kLeast = 0.001;  // of a map that was seen all over: registrati
 constexpr double kDoubts = 0.8;
 
 // Of the light of a plane of which little was seen: an albedo of 0.5 is assumed, or what a sliver
-// shows stands for all of it.
-constexpr double kGuessed = 0.4;
+// shows stands for all of it. At most, a dark sliver at the horizon stands for a bright table.
+constexpr double kGuessed = 0.4, kGuessedMost = 1.2;
 
 // An error, and how far below and above it the truth may lie: the spread of its logarithm.
 struct Unseen {
@@ -24,10 +24,10 @@ Unseen by_unseen(const MapKnowledge& known) {
   const double sky = std::clamp(known.unseen_sky, 0.0, 1.0);
   const double flux = std::clamp(known.unseen_flux, 0.0, 1.0);
   if (known.metered)
-    return {0.36 * std::pow(sky + 0.01, 0.4) * std::pow(flux + 0.01, 1.7), 1.1 - 0.5 * sky,
-            0.9 - 0.57 * sky};
+    return {0.36 * std::sqrt(sky + 0.01) * std::pow(flux + 0.01, 1.7), 1 - 0.4 * sky,
+            0.75 - 0.45 * sky};
   // Nothing tells how bright the rest of the sky is.
-  return {0.22 * std::pow(sky + 0.01, 1.3) + 0.36 * std::pow(flux, 2.6), 1.8 - 0.75 * sky,
+  return {0.22 * std::pow(sky + 0.01, 1.3) + 0.36 * std::pow(flux, 2.6), 2 - 0.9 * sky,
           1.3 - 0.75 * sky};
 }
 
@@ -56,10 +56,11 @@ ErrorInterval expected_error(const MapKnowledge& known) {
   const Unseen unseen = by_unseen(known);
   const Bounds bounds = by_bounds(known, unseen.above);
   // What is only a bound, or near, may be wrong by that much, or not at all.
-  const double sure = unseen.expected + kLeast,
-               open = sure + known.parallax + known.scale + kGuessed * known.guessed_plane;
+  const double sure = unseen.expected + kLeast, near = sure + known.parallax + known.scale,
+               open = near + kGuessed * known.guessed_plane,
+               most = near + kGuessedMost * known.guessed_plane;
   return {open + bounds.expected, sure * std::exp(-unseen.below) + bounds.low,
-          open * std::exp(unseen.above) + bounds.high + kDoubts * known.parallax_doubt};
+          most * std::exp(unseen.above) + bounds.high + kDoubts * known.parallax_doubt};
 }
 
 }  // namespace fastibl
