@@ -11,8 +11,8 @@ constexpr double kLeast = 0.001;  // of a map that was seen all over: registrati
 constexpr double kDoubts = 0.8;
 
 // Of the light of a plane of which little was seen: an albedo of 0.5 is assumed, or what a sliver
-// shows stands for all of it. At most, a dark sliver at the horizon stands for a bright table.
-constexpr double kGuessed = 0.4, kGuessedMost = 1.2;
+// shows stands for all of it. At worst, a dark sliver stands for a bright table.
+constexpr double kGuessed = 0.4, kGuessedMost = 1;
 
 // An error, and how far below and above it the truth may lie: the spread of its logarithm.
 struct Unseen {
