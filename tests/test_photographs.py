@@ -81,6 +81,9 @@ def test_the_lens_of_a_camera_in_use():
     again = LensSearch(usual, BOARD)
     found = [again.add(rgb, tracker.track(rgb).camera_from_marker, float(time)) for time in (0.0, 0.5, 1.1, 2.2)]
     assert [f is None for f in found] == [True, True, True, False]
+    never, pose = LensSearch(usual, BOARD, enough=0.0), tracker.track(rgb).camera_from_marker
+    views = [never.add(rgb, pose, 2.0 * k) for k in range(LensSearch._TRIES + 2)]
+    assert not any(views) and never._tried == LensSearch._TRIES and never.best()[1] < 0.03
 
 
 def test_photographs_stand_upright_unless_the_lens_is_the_sensors(tmp_path):

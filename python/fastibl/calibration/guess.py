@@ -76,11 +76,12 @@ class LensSearch:
     _TILT = np.radians(15)  # at least
     _APART = np.radians(8)  # between views
     _LATER = 1.0  # seconds after which the same view counts again
+    _TRIES = 30  # views that are looked at: a board that is never seen from the side shows nothing more
 
     def __init__(self, usual: Camera, board: Board, enough: float = 0.02):
         self.usual, self._board, self._enough = usual, board, enough
         self._views: list[tuple[float, NDArray[np.float64], Seen]] = []  # tilt; the camera's direction from the board
-        self._last = -np.inf
+        self._last, self._tried = -np.inf, 0
 
     def add(self, picture: ArrayLike, camera_from_marker: Pose, time: float) -> tuple[Camera, float] | None:
         """The camera and its deviation once views tell it well enough. camera_from_marker: by the usual camera.
@@ -93,9 +94,9 @@ class LensSearch:
         known = any(float(direction @ other) > np.cos(self._APART) for _, other, _ in self._views)
         full = len(self._views) == self._MOST_VIEWS
         least = min((t for t, *_ in self._views), default=0.0) if full else self._TILT
-        if tilt < least or (known and 0 <= time - self._last < self._LATER):
+        if tilt < least or (known and 0 <= time - self._last < self._LATER) or self._tried == self._TRIES:
             return None
-        self._last = time
+        self._last, self._tried = time, self._tried + 1
         seen = find_corners(picture, self._board, self.usual)
         if not seen.ids:
             return None

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..session import Session
 
 _DIFFUSE, _GLOSSY, _EXPONENT = 0.7, 0.1, 64.0
+_SURE = 0.08  # relative deviation of a focal length that the board tells
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -218,8 +219,9 @@ def _render_photographs(arguments: argparse.Namespace) -> int:
     outputs = _outputs(arguments.out, photographs)
     camera = photographs.rig.back
     if photographs.lens_deviation is not None:
-        within = f"{100 * photographs.lens_deviation:.1f} %"
-        print(f"the board shows that the lens is {degrees_across(camera):.0f} degrees wide (within {within})")
+        sure = photographs.lens_deviation < _SURE
+        said = "the board shows that the lens is" if sure else "the board hardly shows the lens, which is taken to be"
+        print(f"{said} {degrees_across(camera):.0f} degrees wide (within {100 * photographs.lens_deviation:.1f} %)")
     scene, options = _scene(arguments), _options(arguments)
     cube = _map_of(arguments)
     session = Session(
