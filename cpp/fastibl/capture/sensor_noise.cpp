@@ -15,10 +15,10 @@ constexpr float kKept = 0.9f;             // share of them that is kept, without
 constexpr float kKeptVariance = 0.623f;   // and its share of a normal variable's variance
 constexpr float kCutOff = 0.25f;  // share at 0 from which on half of the noise is cut off there,
 constexpr float kCutOffVariance = 3;  // so that its variance was three times what is left
-// A normal variable's variance by that of what is cut off at 0, by the share that is: right within
-// 4 % from no light on.
-constexpr float kLeastCut = 0.1f, kCutLinear = 1.21f, kCutSquare = 5.29f;
-constexpr float kUsual = 2;           // times the variance that is expected
+// A normal variable's variance by what is found here where a share is cut off at 0: 1 + kCutSquare
+// share², right within 5 % from no light on.
+constexpr float kLeastCut = 0.1f, kCutSquare = 8;
+constexpr float kUsual = 2;  // times the variance that is expected
 
 }  // namespace
 
@@ -69,7 +69,7 @@ void SensorNoise::listen(const PixelReader& pixels, int width, int height) {
   variance /= kKeptVariance * float(kept);
   const float cut = float(zeros) / float(count);
   if (cut > kLeastCut)
-    cut_off_ = std::sqrt(variance * (1 + cut * (kCutLinear + kCutSquare * cut)));
+    cut_off_ = std::sqrt(variance * (1 + kCutSquare * cut * cut));
   else if (sum / float(count) < cut_off_)
     cut_off_ = 0;  // as dark, and hardly anything is 0
   if (cut > kCutOff) variance *= kCutOffVariance;
