@@ -8,6 +8,7 @@ import numpy as np
 
 import fastibl
 from fastibl.calibration import guess_camera
+from fastibl.guessed_rig import guessed_camera
 
 from ..goals import Goal, percent, row
 
@@ -19,7 +20,7 @@ _TILTS = ((20, 0.05), (35, 0.02), (55, 0.01))  # degrees; what the focal length'
 def photograph(degrees: float, k1: float, off: float, tilt: float, seed: int) -> tuple[fastibl.Camera, np.ndarray]:
     """A camera, degrees across, and its picture of the board in the built-in room."""
     width, height = _SIZE
-    f = width / 2 / np.tan(np.radians(degrees / 2))
+    f = guessed_camera(_SIZE, degrees).fx
     matrix = np.array([[f, 0, (0.5 + off) * width], [0, f, height / 2 - off * width], [0, 0, 1]])
     camera = fastibl.Camera.from_opencv(matrix, [k1, 0, 0, 0, 0], _SIZE)
     t = np.radians(tilt)

@@ -1,7 +1,8 @@
 """Pictures and films of a camera in files: the sensor's pixels as they lie in the file, and a film's own times.
 
 A telephone does not turn its pictures; it notes beside them how they are to be held (EXIF's orientation, a film's
-rotation). A lens belongs to the sensor's pixels, however the telephone was held, so the note is not followed.
+rotation). A lens belongs to the sensor's pixels, however the telephone was held, so the note is not followed unless it
+is asked for.
 """
 
 from __future__ import annotations

@@ -44,7 +44,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     RecordingWriter.check_path(arguments.out)
     devices = [device for device in (arguments.back, arguments.front) if device is not None]
-    return _copy_films(arguments) if devices and all(map(is_film, devices)) else _record_cameras(arguments)
+    status = _copy_films(arguments) if devices and all(map(is_film, devices)) else _record_cameras(arguments)
+    if arguments.rig is None:
+        _find_lens(arguments.out)
+    return status
 
 
 def _rig(arguments: argparse.Namespace, back: tuple[int, int] | None, front: tuple[int, int] | None) -> Rig:
@@ -71,6 +74,8 @@ def _find_lens(path: Path) -> None:
     from ..tracking import Tracker
 
     recording = Recording.open(path)
+    if not len(recording.back_times):
+        return
     rig, board, usual = recording.rig, recording.board, recording.rig.back
     search, tracker = LensSearch(usual, board, enough=0.0), Tracker(board, usual)
     for frame in itertools.islice(recording, _LOOKED_AT):
@@ -116,8 +121,6 @@ def _copy_films(arguments: argparse.Namespace) -> int:
                 break
             recorder.add(frame, wait=True)
     print(f"{arguments.out}: all {recorder.written} frames of the film, none told its exposure")
-    if arguments.rig is None and back is not None:
-        _find_lens(arguments.out)
     return 0
 
 
@@ -166,6 +169,4 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
         f"{arguments.out}: {recorder.written} frames, {recorder.dropped} dropped for lack of speed of the disk, "
         f"{source.dropped} pictures not asked for in time"
     )
-    if arguments.rig is None and back is not None:
-        _find_lens(arguments.out)
     return 0
