@@ -398,6 +398,7 @@ def test_methods_by_name():
         "ambient-occlusion",
         "transfer",
         "pixel-transfer",
+        "traced-lights",
         "traced",
     ]
     pictures = {
@@ -519,7 +520,7 @@ def test_shares_with_every_pixels_lobe_are_nearer_to_those_by_rays(kind):
     assert touched.sum() > 200 and (error["pixel-transfer"] < 0.6 * error["transfer"]).all()
 
 
-@pytest.mark.parametrize("method", ["pixel-transfer", "traced"])
+@pytest.mark.parametrize("method", ["pixel-transfer", "traced-lights", "traced"])
 def test_shares_of_pixels_are_of_the_cpu_alone(method):
     if _fastibl.with_gl:
         same_error(lambda: session_of({"self_shadow": method}, backend="gl"), ValueError, method, "cpu")

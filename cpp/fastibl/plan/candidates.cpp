@@ -51,6 +51,7 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
                        SelfShadowMethod::transfer};
   if (asked.self_shadow == SelfShadowMethod::automatic && options.by_pixel) {
     if (options.glossy) all.self_shadow.push_back(SelfShadowMethod::pixel_transfer);
+    all.self_shadow.push_back(SelfShadowMethod::traced_lights);
     if (options.offline) all.self_shadow.push_back(SelfShadowMethod::traced);
   }
   if (asked.shadow != ShadowMethod::automatic)

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/plan/costs.h"
 #include "fastibl/scene/methods.h"
 
 namespace fastibl {
@@ -74,6 +75,7 @@ struct MeasuredErrors {
   // Of one picture: what its pixels' four samples leave, with the truth at each. It is no part of
   // the others.
   std::optional<double> sampling = {};
+  LightRays rays = {};
   bool empty() const { return object.empty(); }
 
   std::size_t index(const Combination& at) const {

@@ -4,8 +4,8 @@
 
 namespace fastibl {
 
-const std::array<CostField, 39>& cost_fields() {
-  static constexpr std::array<CostField, 39> fields = {
+const std::array<CostField, 41>& cost_fields() {
+  static constexpr std::array<CostField, 41> fields = {
       {{"fold", &Costs::fold},
        {"faces", &Costs::faces},
        {"sh9", &Costs::sh9},
@@ -40,6 +40,8 @@ const std::array<CostField, 39>& cost_fields() {
        {"vertex_group", &Costs::vertex_group},
        {"pixel_group", &Costs::pixel_group},
        {"traced_pixel", &Costs::traced_pixel},
+       {"light_ray", &Costs::light_ray},
+       {"bright_ray", &Costs::bright_ray},
        {"bounce", &Costs::bounce},
        {"bounce_group", &Costs::bounce_group},
        {"plane_texel", &Costs::plane_texel},
@@ -169,7 +171,11 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
                               (w.glossy ? glossy_pixel(c, m, w) : 0)) +
            (w.glossy && transfer ? c.vertex_group * w.lobe_groups * w.entries : 0);
       if (m.self_shadow == SelfShadowMethod::traced) ns += c.traced_pixel * w.object_pixels;
-      if (m.self_shadow == SelfShadowMethod::pixel_transfer && w.glossy)
+      if (m.self_shadow == SelfShadowMethod::traced_lights)
+        ns += (c.light_ray * w.rays.traced +
+               (w.glossy ? kTouched * c.bright_ray * w.rays.bright : 0)) *
+              w.object_pixels;
+      if (has_pixel_lobes(m.self_shadow) && w.glossy)
         ns += c.pixel_group * w.lobe_groups * kTouched * w.object_pixels;
       break;
     case PassId::composite:

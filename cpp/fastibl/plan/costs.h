@@ -26,7 +26,7 @@ struct Costs {
   // For what the object hides from itself; for a lobe at a vertex and at a pixel, by Workload's
   // groups.
   double cells = 90e3, share_edge = 0.9, vertex_group = 18, pixel_group = 38;
-  double traced_pixel = 25e3;
+  double traced_pixel = 25e3, light_ray = 95, bright_ray = 4;
   double bounce = 175e3, bounce_group = 3.2, plane_texel = 4.1;
   // For the cameras' pictures.
   double track = 1.4e6, capture_pixel = 3;
@@ -37,7 +37,13 @@ struct CostField {
   double Costs::*value;
 };
 // All of them, for files and printing.
-const std::array<CostField, 39>& cost_fields();
+const std::array<CostField, 41>& cost_fields();
+
+// The rays of SelfShadowMethod::traced_lights.
+struct LightRays {
+  double traced = 6;   // in the mean of the object's pixels
+  double bright = 60;  // to all cells of the light, which are summed where a lobe meets the object
+};
 
 // The work in a frame.
 struct Workload {
@@ -47,8 +53,9 @@ struct Workload {
   double entries = 3000, edges = 240e3;  // of VertexVisibility
   double groups = 110e3;                 // of PlaneExchange
   double lobe_groups = 12;               // of cells, see shading/lobe_cells.h
-  int lights = 4;                        // taken out of a chain, at most
-  bool light_changes = true;             // in every frame, as captured light does
+  LightRays rays = {};
+  int lights = 4;             // taken out of a chain, at most
+  bool light_changes = true;  // in every frame, as captured light does
   bool pbr = false, glossy = true, diffuse = true;
 };
 // The number of frames that one fit of constant light serves.

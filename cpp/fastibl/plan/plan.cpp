@@ -194,6 +194,8 @@ std::string shading_of(const Material& material, const Methods& methods, const L
     shading += glossy + ")";
   }
   if (methods.self_shadow == SelfShadowMethod::traced) return shading + ", self-shadow traced";
+  if (methods.self_shadow == SelfShadowMethod::traced_lights)
+    return shading + ", rays to the brightest light";
   if (methods.self_shadow == SelfShadowMethod::pixel_transfer)
     return shading + ", self-shadow by pixel";
   return shading;
@@ -263,8 +265,10 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
   if (options.object_pixels) work.object_pixels = *options.object_pixels;
   if (options.lighting && options.lighting->chain)
     work.lights = int(options.lighting->chain->lights.size());
+  Workload usual = options.workload;
+  if (options.measured) work.rays = usual.rays = options.measured->rays;
   const std::optional<Choice> choice =
-      chosen(scene, options, options.milliseconds > 0 ? work : options.workload);
+      chosen(scene, options, options.milliseconds > 0 ? work : usual);
   if (choice) {
     plan.methods = choice->methods;
     plan.picture_error = choice->error, plan.best_error = choice->best_error;

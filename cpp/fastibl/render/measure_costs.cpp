@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "fastibl/core/clock.h"
+#include "fastibl/core/lanes.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
@@ -16,6 +17,7 @@
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
+#include "fastibl/shading/traced_lights.h"
 #include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
 
@@ -265,9 +267,42 @@ PixelShares pixel_shares(Scene scene, const CubeMap& map, const CellLight& light
   costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / touched /
                  lobe_groups(scene.material.lobe());
   const ProcessorClock clock;
-  trace_shares(scene, map, eye, shares, seen);
+  trace_shares(scene, map, eye, {shares, {}}, seen);
   costs.traced = 1e9 * clock.seconds() / count;
   return costs;
+}
+
+// Rays from pixels of the ring, which is tilted so that it hides a lamp from itself; and sums of
+// the lobe over all of them.
+void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance, Costs& costs) {
+  scene.marker_from_object.rotation = glm::dmat3(1, 0, 0, 0, 0.5, 0.87, 0, -0.87, 0.5);
+  const View v = view(320);
+  Rasterizer rasterizer;
+  const std::vector<glm::vec4> shares(scene.mesh.vertices.size(), glm::vec4(1));
+  const std::span<FragmentBand> seen =
+      rasterizer.rasterize(scene, v.camera, v.camera_from_marker, shares);
+  const glm::mat3 light_from_map = glm::transpose(glm::mat3(scene.marker_from_object.rotation));
+  CellLight light;
+  light.update(map, light_from_map, scene.directions->size);
+  TracedLights lights;
+  double rays = 0;
+  const double traced = nanoseconds([&](int) {
+    rays =
+        lights(scene, map, light, irradiance, v.camera, v.camera_from_marker, {shares, {}}, seen);
+  });
+  costs.light_ray = traced / at_least(rays, 1);
+  const BrightCells cells(map, light, light_from_map, glm::mat3(1));
+  BrightCells::Seen all;
+  all.free.assign(cells.rays() + kLanes, 1);
+  const LobeHeight height(LobeShape{});
+  constexpr int kPlaces = 200;
+  float sum = 0;
+  const double sums = nanoseconds([&](int) {
+    for (int k = 0; k < kPlaces; ++k)
+      sum += cells.lobe_sums(all, glm::normalize(glm::vec3(k, 0, kPlaces)), {0, 0, 1}, height).all;
+  });
+  // The sum is never negative.
+  costs.bright_ray = at_least(sum < 0 ? 0 : sums / kPlaces, 1) / at_least(double(cells.rays()), 1);
 }
 
 void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
@@ -289,6 +324,7 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                        count / lobe_groups(LobeShape{});
   const PixelShares by_pixel = pixel_shares(scene, *all[0], light, shares);
   costs.traced_pixel = by_pixel.traced, costs.pixel_group = by_pixel.glossy;
+  measure_rays(scene, *all[0], lighting.irradiance, costs);
   SceneShadow caster;
   const ShadowMap shadow = caster.cast(*all[0], lighting.plane_irradiance, scene);
   const PlaneExchange exchange(scene.mesh, *scene.directions);

@@ -404,6 +404,9 @@ struct ErrorMeasurement::Work {
       if (transfer.empty())
         transfer = transfer_shares(samples, *map, reference.irradiance, material);
       shares.push_back(transfer);
+      if (method == SelfShadowMethod::traced_lights)
+        errors.rays =
+            trace_lights(samples, *map, reference.irradiance, material, shares.back());
       if (method == SelfShadowMethod::traced) trace_shares(samples, *map, material, shares.back());
       if (method == SelfShadowMethod::pixel_transfer)
         share_by_pixel(samples, *map, material, shares.back());

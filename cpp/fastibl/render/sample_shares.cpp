@@ -1,6 +1,8 @@
 #include "fastibl/render/sample_shares.h"
 
+#include <algorithm>
 #include <array>
+#include <numeric>
 #include <optional>
 #include <span>
 
@@ -9,6 +11,7 @@
 #include "fastibl/shading/lobe_cells.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/shade.h"
+#include "fastibl/shading/traced_lights.h"
 #include "fastibl/shading/traced_shares.h"
 
 namespace fastibl {
@@ -91,6 +94,43 @@ void share_by_pixel(const SceneSamples& samples, const CubeMap& map, const Mater
         cells.share(mesh_from_marker * s.normal, mesh_from_marker * s.to_eye,
                     {{hidden[0].masks(), hidden[1].masks(), hidden[2].masks()}, s.weights});
   }
+}
+
+LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
+                       const Irradiance& irradiance, const Material& material,
+                       std::vector<glm::vec4>& shares) {
+  const VertexVisibility& visibility = samples.visibility;
+  if (visibility.blocks_nothing()) return {};
+  const glm::mat3 mesh_from_map = glm::transpose(samples.turned);
+  CellLight light;
+  light.update(map, mesh_from_map, visibility.size);
+  const BrightCells cells(map, light, mesh_from_map, samples.turned);
+  const LightTracer tracer(*samples.bvh, cells, light, irradiance, material, samples.turned);
+  std::vector<int> rays(shares.size(), 0);
+  parallel_for(int(shares.size()), 16, [&](int begin, int end) {
+    HiddenCells all(visibility.size);
+    const int lobe_size = tracer.mask_size().value_or(visibility.size);
+    std::array hidden{HiddenCells(lobe_size), HiddenCells(lobe_size), HiddenCells(lobe_size)};
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      const SceneSamples::Surface& s = samples.surface[i];
+      BrightCells::Corners corners;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::size_t corner = std::size_t(s.corners[k]);
+        all.set(visibility.edges_of(corner), visibility.size);
+        hidden[k].set(visibility.edges_of(corner), visibility.size);
+        corners[k] = {cells.states(all.masks(), samples.normals[corner]), samples.normals[corner]};
+      }
+      const std::uint64_t asked =
+          BrightCells::unsure(corners[0].states, corners[1].states, corners[2].states);
+      if (!tracer.changes(shares[i], asked)) continue;
+      rays[i] = tracer.trace(
+          shares[i],
+          {{&s.start, 1}, mesh_from_map * s.normal, mesh_from_map * s.to_eye, glm::vec3(0)},
+          corners, {{hidden[0].masks(), hidden[1].masks(), hidden[2].masks()}, s.weights}, asked);
+    }
+  });
+  const double count = double(std::max<std::size_t>(rays.size(), 1));
+  return {std::accumulate(rays.begin(), rays.end(), 0.0) / count, double(cells.rays())};
 }
 
 void trace_shares(const SceneSamples& samples, const CubeMap& map, const Material& material,

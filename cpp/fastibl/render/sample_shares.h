@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "fastibl/plan/costs.h"
 #include "fastibl/render/scene_samples.h"
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/irradiance.h"
@@ -30,6 +31,11 @@ std::vector<glm::vec4> transfer_shares(const SceneSamples& samples, const CubeMa
 // it.
 void share_by_pixel(const SceneSamples& samples, const CubeMap& map, const Material& material,
                     std::vector<glm::vec4>& shares);
+
+// By rays to the brightest light, and by each sample's lobe: see TracedLights.
+LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
+                       const Irradiance& irradiance, const Material& material,
+                       std::vector<glm::vec4>& shares);
 
 // Traces the shares, where the object hides anything.
 void trace_shares(const SceneSamples& samples, const CubeMap& map, const Material& material,

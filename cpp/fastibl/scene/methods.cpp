@@ -83,6 +83,8 @@ std::string_view name(SelfShadowMethod method) {
       return "ambient-occlusion";
     case SelfShadowMethod::pixel_transfer:
       return "pixel-transfer";
+    case SelfShadowMethod::traced_lights:
+      return "traced-lights";
     case SelfShadowMethod::traced:
       return "traced";
     default:

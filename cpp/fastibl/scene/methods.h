@@ -44,6 +44,7 @@ enum class SelfShadowMethod {
   ambient,         // P_V of Eq. 8: the share of directions that are free, whatever the light
   transfer,        // the light of the directions that are free, by vertex and channel
   pixel_transfer,  // transfer, but glossy light with every pixel's lobe, of directions by vertex
+  traced_lights,   // transfer, and rays to the brightest light at pixels where vertices do not tell
   traced,          // by rays at every pixel that may lack light
 };
 enum class BounceMethod {
@@ -63,9 +64,16 @@ enum class CaptureMethod {
   continuous,  // every picture of both cameras, all exposures merged
 };
 
+// Whether a method sums the cells of each pixel's lobe.
+inline bool has_pixel_lobes(SelfShadowMethod method) {
+  return method == SelfShadowMethod::pixel_transfer || method == SelfShadowMethod::traced_lights;
+}
+inline bool traces_rays(SelfShadowMethod method) {
+  return method == SelfShadowMethod::traced_lights || method == SelfShadowMethod::traced;
+}
 // Whether a method finds a share of the light for each pixel.
 inline bool shares_by_pixel(SelfShadowMethod method) {
-  return method == SelfShadowMethod::pixel_transfer || method == SelfShadowMethod::traced;
+  return has_pixel_lobes(method) || traces_rays(method);
 }
 // Whether a method asks which directions are free.
 inline bool knows_directions(SelfShadowMethod method) {
@@ -84,8 +92,8 @@ inline constexpr std::array kNormalizations = {Normalization::energy, Normalizat
 inline constexpr std::array kShadowMethods = {ShadowMethod::cap_sum, ShadowMethod::cap_product,
                                               ShadowMethod::directions, ShadowMethod::mesh};
 inline constexpr std::array kSelfShadowMethods = {
-    SelfShadowMethod::none, SelfShadowMethod::ambient, SelfShadowMethod::transfer,
-    SelfShadowMethod::pixel_transfer, SelfShadowMethod::traced};
+    SelfShadowMethod::none,           SelfShadowMethod::ambient,       SelfShadowMethod::transfer,
+    SelfShadowMethod::pixel_transfer, SelfShadowMethod::traced_lights, SelfShadowMethod::traced};
 inline constexpr std::array kBounceMethods = {BounceMethod::none, BounceMethod::one};
 inline constexpr std::array kTrackingMethods = {TrackingMethod::frame_marker, TrackingMethod::board,
                                                 TrackingMethod::edges};

@@ -46,34 +46,19 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
   });
 }
 
-void GlossyPixelShares::keep(const std::shared_ptr<const VertexVisibility>& visibility, int size) {
-  if (visibility == visibility_ && size == size_) return;
-  visibility_ = visibility, size_ = size;
-  const std::size_t groups = std::size_t(size) * std::size_t(size) / HiddenCells::kGroup;
-  masks_.assign(groups, 0);  // of entries from which nothing is hidden
-  first_.assign(visibility->entries(), 0);
-  HiddenCells hidden(size);
-  for (std::size_t e = 0; e < first_.size(); ++e) {
-    if (visibility->edges_of(e).empty()) continue;
-    hidden.set(visibility->edges_of(e), visibility->size);
-    first_[e] = masks_.size();
-    masks_.insert(masks_.end(), hidden.masks(), hidden.masks() + groups);
-  }
-}
-
 void GlossyPixelShares::operator()(const Scene& scene, const CellLight& light, glm::vec3 eye,
                                    std::span<FragmentBand> bands) {
   const std::optional<LobeShape> lobe = scene.material.lobe();
   if (!lobe || !scene.directions || light.size() != scene.directions->size) return;
   const LobeCells cells(light, *lobe);
-  keep(scene.directions, cells.size());
+  masks_.keep(scene.directions, cells.size());
   const FragmentPlaces places(scene);
   parallel_for(int(bands.size()), 4, [&](int begin, int end) {
     for (int i = begin; i < end; ++i)
       for (Fragment& f : bands[std::size_t(i)].object) {
         if (!is_touched(f.share.w)) continue;
         const FragmentPlace at = places.of(f);
-        const auto masks = [&](int k) { return &masks_[first_[at.entries[std::size_t(k)]]]; };
+        const auto masks = [&](int k) { return masks_.of(at.entries[std::size_t(k)]); };
         f.share.w = cells.share(at.place.normal, places.view(f, eye),
                                 {{masks(0), masks(1), masks(2)}, at.place.weights});
       }

@@ -1,14 +1,12 @@
 // The glossy light that an object keeps from itself.
 #pragma once
 
-#include <cstdint>
-#include <memory>
 #include <span>
-#include <vector>
 
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/scene.h"
 #include "fastibl/scene/vertex_visibility.h"
+#include "fastibl/shading/hidden_masks.h"
 #include "fastibl/shading/lobe_cells.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"
@@ -33,12 +31,7 @@ class GlossyPixelShares {
                   std::span<FragmentBand> bands);
 
  private:
-  void keep(const std::shared_ptr<const VertexVisibility>& visibility, int size);
-
-  std::shared_ptr<const VertexVisibility> visibility_;
-  int size_ = 0;
-  std::vector<std::size_t> first_;  // where each entry begins in masks_
-  std::vector<std::uint16_t> masks_;
+  HiddenMasks masks_;
 };
 
 }  // namespace fastibl

@@ -19,6 +19,7 @@ namespace {
 
 using Cells = LobeCells::Cells;
 using Flux = LobeCells::Flux;
+using Sums = LobeCells::Sums;
 
 // The cells of a group make up one cell of a grid of a quarter of the size.
 constexpr int kLanes = HiddenCells::kGroup;
@@ -47,8 +48,9 @@ const Cells& cells_of(int size) {
   return all[size / 32];  // 16, 32, 64: 0, 1, 2
 }
 
-Flux flux_of(const CellLight& light, std::size_t count) {
-  const std::vector<float>& own = light.flux();
+Flux flux_of(const CellLight& light, std::span<const int> without, std::size_t count) {
+  std::vector<float> own = light.flux();
+  for (const int k : without) own[std::size_t(k)] = 0;
   Flux flux{std::vector<float>(count, 0.0f), std::vector<float>(count / kLanes, 0.0f)};
   const std::size_t finer = std::max(count, own.size());
   const float part = float(own.size()) / float(finer);  // of a cell of the light
@@ -116,10 +118,6 @@ FASTIBL_INLINE IntsOf<V> hidden_in(HiddenCells::Mask mask, int part) {
   for (int k = 0; k < kFloatsIn<V>; ++k) bits[k] = 1 << k;
   return ((int(mask) >> part) & bits) != 0;
 }
-
-struct Sums {
-  float all = 0, lost = 0;
-};
 
 // What an object hides from a place between kCorners others.
 template <int kCorners>
@@ -219,10 +217,10 @@ double lobe_groups(const std::optional<LobeShape>& lobe) {
   return 1 + near + (lobe->ggx ? (at.cells->groups - near) / kLanes : 0);
 }
 
-LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe) {
+LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe, std::span<const int> without) {
   const Reach at = reach_of(lobe);
   size_ = at.size, cells_ = at.cells, least_ = at.least;
-  flux_ = flux_of(light, cells_->x.size());
+  flux_ = flux_of(light, without, cells_->x.size());
   const float exponent = at.exponent;
   ggx_ = lobe.ggx;
   half_exponent_ = ggx_ ? 0 : 0.5f * exponent;
@@ -231,7 +229,7 @@ LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe) {
 
 // add_up: sums for a View and the lobe's middle.
 template <typename AddUp>
-float LobeCells::summed(glm::vec3 n, glm::vec3 view, const AddUp& add_up) const {
+LobeCells::Sums LobeCells::summed(glm::vec3 n, glm::vec3 view, const AddUp& add_up) const {
   constexpr float kGrazing = 0.02f;
   const float cosine = glm::dot(n, view);
   if (cosine < kGrazing) view = glm::normalize(view + (kGrazing - cosine) * n);
@@ -243,16 +241,26 @@ float LobeCells::summed(glm::vec3 n, glm::vec3 view, const AddUp& add_up) const 
   const glm::vec3 mirrored = 2 * at.nv * n - view;
   Sums sums;
   add_up(at, &mirrored.x, sums);
-  return sums.all > 0 ? std::clamp(1 - sums.lost / sums.all, 0.0f, kMostTouched) : 1.0f;
+  return sums;
+}
+
+float LobeCells::Sums::share() const {
+  return all > 0 ? std::clamp(1 - lost / all, 0.0f, kMostTouched) : 1.0f;
 }
 
 float LobeCells::share(glm::vec3 n, glm::vec3 view, const HiddenCells::Mask* hidden) const {
-  return summed(n, view, [&](const View& at, const float* axis, Sums& sums) {
-    add_up_at_corner(*cells_, flux_, at, axis, least_, {{hidden}, {1}}, ggx_, &sums);
-  });
+  return summed(n, view,
+                [&](const View& at, const float* axis, Sums& sums) {
+                  add_up_at_corner(*cells_, flux_, at, axis, least_, {{hidden}, {1}}, ggx_, &sums);
+                })
+      .share();
 }
 
 float LobeCells::share(glm::vec3 n, glm::vec3 view, const Corners& corners) const {
+  return sums(n, view, corners).share();
+}
+
+LobeCells::Sums LobeCells::sums(glm::vec3 n, glm::vec3 view, const Corners& corners) const {
   const auto& [hidden, weights] = corners;
   return summed(n, view, [&](const View& at, const float* axis, Sums& sums) {
     add_up_between(*cells_, flux_, at, axis, least_,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "fastibl/core/vector.h"
@@ -20,7 +21,8 @@ double lobe_groups(const std::optional<LobeShape>& lobe);
 
 class LobeCells {
  public:
-  LobeCells(const CellLight& light, const LobeShape& lobe);
+  // without: cells of the light whose flux does not count here.
+  LobeCells(const CellLight& light, const LobeShape& lobe, std::span<const int> without = {});
 
   int size() const { return size_; }  // cells along an edge; masks must have as many
 
@@ -35,6 +37,12 @@ class LobeCells {
     glm::vec3 weights;
   };
   float share(glm::vec3 normal, glm::vec3 view, const Corners& corners) const;
+  // Lobe × flux, summed over all cells and over the hidden ones.
+  struct Sums {
+    float all = 0, lost = 0;
+    float share() const;
+  };
+  Sums sums(glm::vec3 normal, glm::vec3 view, const Corners& corners) const;
 
   struct Cells;  // of a grid
   // For the cells of another grid than the light's own.
@@ -44,7 +52,7 @@ class LobeCells {
 
  private:
   template <typename AddUp>
-  float summed(glm::vec3 normal, glm::vec3 view, const AddUp& add_up) const;
+  Sums summed(glm::vec3 normal, glm::vec3 view, const AddUp& add_up) const;
 
   const Cells* cells_;
   Flux flux_;

@@ -324,6 +324,20 @@ void append(const Fragment& f, float alike_cosine, std::vector<Fragment>& fragme
 
 }  // namespace
 
+void merge_alike(const Material& material, std::span<FragmentBand> bands) {
+  const float cosine = alike_cosine(material);
+  if (cosine > 1) return;
+  parallel_for(int(bands.size()), 4, [&](int begin, int end) {
+    std::vector<Fragment> merged;
+    for (int i = begin; i < end; ++i) {
+      std::vector<Fragment>& fragments = bands[std::size_t(i)].object;
+      merged.clear();
+      for (const Fragment& f : fragments) append(f, cosine, merged);
+      fragments.swap(merged);
+    }
+  });
+}
+
 void Rasterizer::add(const Geometry& g, const TrianglePart& part, Work& work,
                      FragmentBand& band) const {
   const DrawnTriangle& t = work.triangles[std::size_t(part.triangle)];
@@ -440,7 +454,7 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
                                               const Pose& camera_from_marker,
                                               std::span<const glm::vec4> light_shares,
                                               std::span<const glm::vec4> holdout_ratios,
-                                              bool merge_alike) {
+                                              bool merge) {
   const std::size_t own = scene.mesh.vertices.size();
   check(light_shares.empty() || light_shares.size() == own || light_shares.size() == 2 * own,
         "there must be a share of the light for each vertex, or each side of them, ", own, ", got ",
@@ -460,7 +474,7 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
                     scene.fronts_only && !is_inside(bounds(scene.mesh.vertices), eye),
                     !scene.tangents.empty() && scene.material.pbr != nullptr,
                     !scene.mesh.uvs.empty() && scene.material.textured(),
-                    merge_alike ? alike_cosine(scene.material) : kNoneAlike,
+                    merge ? alike_cosine(scene.material) : kNoneAlike,
                     curved_cosine(scene.material),
                     cut_};
   project(geometry, camera_from_marker);

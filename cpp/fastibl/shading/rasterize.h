@@ -44,6 +44,10 @@ struct FragmentBand {
 // of that angle; -2 where it is as wide as for matte light.
 float curved_cosine(const Material& material);
 
+// Makes parts of one pixel whose normals hardly differ, for this material, one; none with textures.
+// For parts that had to be apart until now.
+void merge_alike(const Material& material, std::span<FragmentBand> bands);
+
 // Keeps its memory from picture to picture.
 class Rasterizer {
  public:
@@ -55,13 +59,12 @@ class Rasterizer {
   // them. Triangles with a corner behind the camera or beyond the lens model are cut
   // (cut_to_view.h). light_shares: of each vertex, and perhaps of their backs after them; empty:
   // P_V of the scene, and all of the glossy light. holdout_ratios: of each vertex of the holdouts;
-  // empty: 1. merge_alike: parts of one pixel whose normals hardly differ, for this material,
-  // become one; none do with textures.
+  // empty: 1. merge: whether to do what merge_alike() does.
   std::span<FragmentBand> rasterize(const Scene& scene, const Camera& camera,
                                     const Pose& camera_from_marker,
                                     std::span<const glm::vec4> light_shares = {},
                                     std::span<const glm::vec4> holdout_ratios = {},
-                                    bool merge_alike = false);
+                                    bool merge = false);
 
  private:
   struct Geometry;  // of one picture

@@ -1,6 +1,7 @@
 #include "fastibl/shading/self_shadow.h"
 
 #include <algorithm>
+#include <atomic>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
@@ -11,6 +12,8 @@ namespace fastibl {
 namespace {
 
 constexpr int kGrain = 512;  // vertices
+
+std::atomic<std::uint64_t> last_version = 0;
 
 bool is_fine(int cells) { return cells >= 64; }
 // Size of the map's level: texels as wide as the cells, or half as wide.
@@ -42,7 +45,9 @@ FASTIBL_CLONES void add_runs(const std::uint32_t* first, const std::uint16_t* ed
 // blocks whole or not at all, share each piece with their neighbours.
 void CellLight::update_pieces(const glm::mat3& object_from_marker, int level_size) {
   const OctahedralGrid& grid = octahedral_grid(size_);
-  const int parts = std::max(1, finest_level(size_) / level_size), n = parts * level_size;
+  parts_ = std::max(1, finest_level(size_) / level_size);
+  cells_of_square_ = is_fine(size_) ? 1 : 4;
+  const int n = parts_ * level_size;
   const std::vector<double> angles = texel_solid_angles(n);
   pieces_.clear();
   const auto add = [&](int face, int x, int y) {
@@ -62,8 +67,8 @@ void CellLight::update_pieces(const glm::mat3& object_from_marker, int level_siz
   for (int f = 0; f < 6; ++f)
     for (int y = 0; y < level_size; ++y)
       for (int x = 0; x < level_size; ++x)  // a wider texel is cut, as squares of its face
-        for (int k = 0; k < parts * parts; ++k)
-          add(f, x * parts + k % parts, y * parts + k / parts);
+        for (int k = 0; k < parts_ * parts_; ++k)
+          add(f, x * parts_ + k % parts_, y * parts_ + k / parts_);
   level_size_ = level_size, object_from_marker_ = object_from_marker;
 }
 
@@ -78,6 +83,7 @@ void CellLight::update(const CubeMap& radiance, const glm::mat3& object_from_mar
       std::equal(versions.begin(), versions.end(), versions_.begin(), versions_.end()))
     return;
   versions_.assign(versions.begin(), versions.end());
+  version_ = ++last_version;
   if (!same_cells) {
     size_ = size;
     update_pieces(object_from_marker, n);

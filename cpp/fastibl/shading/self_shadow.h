@@ -18,6 +18,7 @@ class CellLight {
   void update(const CubeMap& radiance, const glm::mat3& object_from_marker, int size);
 
   int size() const { return size_; }
+  std::uint64_t version() const { return version_; }  // another one for other sums, of any light
   // ∫ L w dω over the cells before k: x, y and z for red, green, blue and nothing.
   struct Sum {
     float values[16];
@@ -26,16 +27,34 @@ class CellLight {
   // ∫ L dω of each cell, the mean of the channels, divided by that of the whole sphere.
   const std::vector<float>& flux() const { return flux_; }
 
+  // Squares into which the faces are cut: the texels of a level of the map, or parts of them where
+  // the map is coarse. Calls visit(face, x, y, solid angle, cell) for each cell that has a share of
+  // a square; the solid angle is that of the share.
+  int squares() const { return parts_ * level_size_; }  // along a face's edge
+  int level_size() const { return level_size_; }        // of the map's level
+  template <typename Visit>
+  void each_square(Visit&& visit) const {
+    const Piece* piece = pieces_.data();
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < level_size_; ++y)
+        for (int x = 0; x < level_size_; ++x)
+          for (int k = 0; k < parts_ * parts_; ++k)
+            for (int i = 0; i < cells_of_square_; ++i, ++piece)
+              visit(f, x * parts_ + k % parts_, y * parts_ + k / parts_, piece->solid_angle,
+                    piece->cell);
+  }
+
  private:
   void update_pieces(const glm::mat3& object_from_marker, int level_size);
 
-  // A piece of a texel, or a cell's share of it; equally many for each texel.
+  // A square, or a cell's share of it.
   struct Piece {
     glm::vec3 moment;  // its solid angle times its direction
     float solid_angle;
     int cell;
   };
-  int size_ = 0, level_size_ = 0;
+  int size_ = 0, level_size_ = 0, parts_ = 0, cells_of_square_ = 0;
+  std::uint64_t version_ = 0;
   glm::mat3 object_from_marker_{0};
   std::vector<Piece> pieces_;
   std::vector<std::uint64_t> versions_;  // of the map's tiles

@@ -158,9 +158,9 @@ float TracedLight::along_taps(std::span<const LobeTap> taps, glm::vec3 start) co
   return all > 0 ? std::clamp(free / all, 0.0f, 1.0f) : 1.0f;
 }
 
-void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
-                  std::span<const glm::vec4> self_shares, std::span<FragmentBand> bands) {
-  if (!scene.bvh || !scene.directions || self_shares.size() != scene.directions->entries()) return;
+void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye, const EntryShares& shares,
+                  std::span<FragmentBand> bands) {
+  if (!scene.bvh || !scene.directions || shares.own.size() != scene.directions->entries()) return;
   const bool diffuse = scene.material.reads_irradiance();
   const std::optional<LobeShape> lobe = scene.material.lobe();
   if (!diffuse && !lobe) return;
@@ -173,19 +173,21 @@ void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
     for (int i = begin; i < end; ++i)
       for (Fragment& f : bands[std::size_t(i)].object) {
         if (!(diffuse || is_touched(f.share.w))) continue;
-        const auto [entries, place] = places.of(f);
+        const FragmentPlace at = places.of(f);
+        const auto& [entries, place] = at;
         const bool touched = std::ranges::any_of(
             entries, [&](std::size_t e) { return !scene.directions->edges_of(e).empty(); });
         if (!touched) continue;
         const glm::vec4 traced = light.shares(
             ray_start(place, offset), place.normal, places.view(f, eye),
             scene.corners_tell ? corner_pieces.of(entries, place) : std::span<const PieceState>{});
-        glm::vec3 before(0);
-        for (int k = 0; k < 3; ++k)
-          before += place.weights[k] * glm::vec3(self_shares[entries[std::size_t(k)]]);
-        if (diffuse)
-          f.share =
-              glm::vec4(glm::max(glm::vec3(f.share) + glm::vec3(traced) - before, 0.0f), f.share.w);
+        if (diffuse) {
+          // Where a fragment stands for several triangles, its share is their mean.
+          const glm::vec3 others = shares.of_others(at);
+          const glm::vec3 own = glm::vec3(f.share) - others + glm::vec3(traced) - shares.of_map(at);
+          const glm::vec3 share = glm::clamp(own, glm::vec3(0), glm::vec3(1)) + others;
+          f.share = glm::vec4(glm::max(share, glm::vec3(0)), f.share.w);
+        }
         if (lobe && is_touched(f.share.w)) f.share.w = traced.w;
       }
   });

@@ -50,10 +50,9 @@ class TracedLight {
 
 // Replaces the fragments' shares where the object hides anything from their triangle's corners.
 // Where corners tell of what is between them, no ray is traced for what all three corners and the
-// cells around a piece agree on. self_shares: shares of the corners by the map alone, from which
-// the fragments' are interpolated, but for near lights and light from the plane. Does nothing where
-// the scene has no bvh. eye: marker frame.
-void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye,
-                  std::span<const glm::vec4> self_shares, std::span<FragmentBand> bands);
+// cells around a piece agree on. shares: of the corners, from which the fragments' are
+// interpolated. Does nothing where the scene has no bvh. eye: marker frame.
+void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye, const EntryShares& shares,
+                  std::span<FragmentBand> bands);
 
 }  // namespace fastibl

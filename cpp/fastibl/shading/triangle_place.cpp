@@ -35,19 +35,31 @@ FragmentPlaces::FragmentPlaces(const Scene& scene)
       mesh_from_map_(glm::transpose(glm::mat3(scene.marker_from_object.rotation))),
       shift_(scene.marker_from_object.translation) {}
 
+bool FragmentPlaces::from_behind(const Fragment& f) const {
+  const glm::ivec3 index = scene_.mesh.triangles[std::size_t(f.triangle)];
+  glm::vec3 outwards(0);
+  for (int k = 0; k < 3; ++k) outwards += scene_.normals[std::size_t(index[k])];
+  return glm::dot(outwards, mesh_from_map_ * f.normal) < 0;
+}
+
+std::array<std::size_t, 3> FragmentPlaces::entries(const Fragment& f) const {
+  const glm::ivec3 index = scene_.mesh.triangles[std::size_t(f.triangle)];
+  const bool backs = scene_.directions->sides > 1 && from_behind(f);
+  const std::size_t first = backs ? scene_.mesh.vertices.size() : 0;
+  return {first + std::size_t(index[0]), first + std::size_t(index[1]),
+          first + std::size_t(index[2])};
+}
+
 FragmentPlace FragmentPlaces::of(const Fragment& f) const {
   const glm::ivec3 index = scene_.mesh.triangles[std::size_t(f.triangle)];
   FragmentPlace result;
   TrianglePlace& place = result.place;
   place.position = mesh_from_map_ * (f.position - shift_);
   place.normal = mesh_from_map_ * f.normal;
-  glm::vec3 outwards(0);
-  for (int k = 0; k < 3; ++k) outwards += scene_.normals[std::size_t(index[k])];
-  const bool behind = glm::dot(outwards, place.normal) < 0;
+  const bool behind = from_behind(f);
+  result.entries = entries(f);
   for (int k = 0; k < 3; ++k) {
-    const std::size_t v = std::size_t(index[k]);
-    const std::size_t entry = result.entries[std::size_t(k)] =
-        behind && scene_.directions->sides > 1 ? v + scene_.mesh.vertices.size() : v;
+    const std::size_t v = std::size_t(index[k]), entry = result.entries[std::size_t(k)];
     place.corners[std::size_t(k)] = {scene_.mesh.vertices[v],
                                      behind ? -scene_.normals[v] : scene_.normals[v],
                                      scene_.origins[entry]};

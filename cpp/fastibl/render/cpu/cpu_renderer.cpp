@@ -6,6 +6,7 @@
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/shade.h"
 #include "fastibl/shading/supersample.h"
+#include "fastibl/shading/traced_lights.h"
 #include "fastibl/shading/traced_shares.h"
 #include "fastibl/shadow/scene_shadow.h"
 
@@ -80,13 +81,21 @@ class CpuRenderer final : public Renderer {
   void draw(const RenderInput& in, const Camera& camera, ObjectLayer& object,
             ObjectLayer& holdout) {
     const glm::vec3 eye(in.camera_from_marker.inverse().translation);
+    // What rays find belongs to one triangle.
+    const bool by_rays = traces_rays(in.methods.self_shadow);
     const std::span<FragmentBand> seen =
         rasterizer_.rasterize(in.scene, camera, in.camera_from_marker, in.light_shares,
-                              in.holdout_ratios, in.shades_alike_as_one);
+                              in.holdout_ratios, in.shades_alike_as_one && !by_rays);
+    const EntryShares shares{in.self_shares, in.light_shares};
     if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
-      trace_shares(in.scene, *in.lighting.radiance, eye, in.self_shares, seen);
+      trace_shares(in.scene, *in.lighting.radiance, eye, shares, seen);
+    if (in.methods.self_shadow == SelfShadowMethod::traced_lights && in.lighting.radiance &&
+        in.cell_light)
+      traced_lights_(in.scene, *in.lighting.radiance, *in.cell_light, in.lighting.irradiance,
+                     camera, in.camera_from_marker, shares, seen);
     if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
       glossy_shares_(in.scene, *in.cell_light, eye, seen);
+    if (by_rays && in.shades_alike_as_one) merge_alike(in.scene.material, seen);
     for (const FragmentBand& band : seen) *shaded_ += double(band.object.size());
     object = shade(seen, in.scene.material, in.lighting, eye);
     holdout = holdout_layer(seen);
@@ -95,6 +104,7 @@ class CpuRenderer final : public Renderer {
   SceneShadow caster_;
   Rasterizer rasterizer_;
   GlossyPixelShares glossy_shares_;
+  TracedLights traced_lights_;
   std::optional<double> shaded_;
   ShadowMap shadow_;
   std::optional<ShadowLookUp> plane_;  // the shadow, or what the plane gains in its place

@@ -1,0 +1,163 @@
+#include "fastibl/shading/traced_lights.h"
+
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "fastibl/core/parallel.h"
+#include "fastibl/shading/bake_visibility.h"
+#include "fastibl/shading/sample_cells.h"
+
+namespace fastibl {
+namespace {
+
+constexpr int kGrain = 512;  // entries
+constexpr float kSharpest = 1e6f;
+
+}  // namespace
+
+LightTracer::LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
+                         const Irradiance& irradiance, const Material& material,
+                         const glm::mat3& map_from_light)
+    : bvh_(bvh),
+      cells_(cells),
+      irradiance_(irradiance),
+      map_from_light_(map_from_light),
+      diffuse_(material.reads_irradiance()),
+      height_(material.lobe(), kSharpest) {
+  height_.f0 = 1;  // as for the other cells
+  if (const std::optional<LobeShape> lobe = material.lobe())
+    lobe_.emplace(light, *lobe, cells.indices());
+}
+
+int LightTracer::trace(glm::vec4& share, const Place& place, const BrightCells::Corners& corners,
+                       const LobeCells::Corners& between, std::uint64_t asked) const {
+  thread_local BrightCells::Seen seen;
+  const int rays = cells_.look(bvh_, place.starts, place.normal, corners, asked, seen);
+  if (diffuse_ && asked != 0) {
+    std::array<glm::vec3, 4> normals, irradiance;
+    for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_light_ * corners[k].normal;
+    normals[3] = map_from_light_ * place.normal;
+    evaluate(irradiance_, normals, irradiance);
+    // Where a fragment stands for several triangles, its share is their mean.
+    const glm::vec3 before = glm::vec3(share) - place.of_others;
+    const glm::vec3 change =
+        cells_.change(seen, place.normal, corners, between.weights, irradiance, before, asked);
+    const glm::vec3 of_map = glm::clamp(before + change, glm::vec3(0), glm::vec3(1));
+    share = glm::vec4(glm::max(of_map + place.of_others, glm::vec3(0)), share.w);
+  }
+  if (lobe_ && is_touched(share.w)) {
+    LobeCells::Sums sums = lobe_->sums(place.normal, place.view, between);
+    const LobeCells::Sums bright = cells_.lobe_sums(seen, place.normal, place.view, height_);
+    sums.all += bright.all, sums.lost += bright.lost;
+    share.w = sums.share();
+  }
+  return rays;
+}
+
+void TracedLights::keep(const Scene& scene, const CubeMap& map, const CellLight& light) {
+  if (light_ == light.version() && visibility_ == scene.directions) return;
+  light_ = light.version(), visibility_ = scene.directions;
+  const glm::mat3 light_from_map = glm::transpose(glm::mat3(scene.marker_from_object.rotation));
+  cells_ = BrightCells(map, light, light_from_map, glm::mat3(1));
+  masks_.keep(scene.directions, light.size());
+  const std::size_t vertices = scene.normals.size();
+  states_.assign(scene.directions->entries(), {});
+  if (cells_.empty()) return;
+  parallel_for(int(states_.size()), kGrain, [&](int begin, int end) {
+    for (std::size_t e = std::size_t(begin); e < std::size_t(end); ++e)
+      states_[e] = cells_.states(masks_.of(e),
+                                 e < vertices ? scene.normals[e] : -scene.normals[e - vertices]);
+  });
+}
+
+namespace {
+
+// The places that a pixel's samples show, as starts of rays.
+class SampleStarts {
+ public:
+  SampleStarts(const Camera& camera, const Pose& camera_from_mesh, float offset)
+      : lens_(camera),
+        mesh_from_camera_(glm::transpose(camera_from_mesh.rotation)),
+        eye_(camera_from_mesh.inverse().translation),
+        offset_(offset) {}
+
+  // In the plane of the fragment's triangle, which may stand for others that are much like it. One
+  // start where the fragment is a part of its pixel, of which it is not known what samples see it,
+  // or where its triangle is seen edge-on.
+  std::span<const glm::vec3> of(const Fragment& f, const TrianglePlace& place) {
+    const auto& c = place.corners;
+    const glm::dvec3 plane(
+        glm::cross(c[1].position - c[0].position, c[2].position - c[0].position));
+    const double height = glm::dot(glm::dvec3(c[0].position) - eye_, plane);
+    // Towards the eye, which sees the sample: the surface may bend towards it, too.
+    constexpr float kLift = 0.3f;
+    starts_[0] = ray_start(place, offset_);
+    if (f.coverage < 1) return {starts_.data(), 1};
+    std::array<glm::vec3, BrightCells::kStarts> all;
+    for (int k = 0; k < kSamples; ++k) {
+      const auto d = lens_.unproject(
+          {f.x + double(kSampleX[k]) / kSubpixel, f.y + double(kSampleY[k]) / kSubpixel});
+      if (!d) return {starts_.data(), 1};
+      const glm::dvec3 ray = mesh_from_camera_ * *d;
+      const double t = height / glm::dot(ray, plane);
+      if (!(t > 0) || !std::isfinite(t)) return {starts_.data(), 1};
+      const glm::vec3 beside = glm::vec3(eye_ + t * ray) - place.position;
+      all[std::size_t(k)] =
+          starts_[0] + beside - kLift * glm::length(beside) * glm::vec3(glm::normalize(ray));
+    }
+    starts_ = all;
+    return starts_;
+  }
+
+ private:
+  Lens lens_;
+  glm::dmat3 mesh_from_camera_;
+  glm::dvec3 eye_;
+  float offset_;
+  std::array<glm::vec3, BrightCells::kStarts> starts_;
+};
+static_assert(kSamples == BrightCells::kStarts);
+
+}  // namespace
+
+double TracedLights::operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
+                                const Irradiance& irradiance, const Camera& camera,
+                                const Pose& camera_from_marker, const EntryShares& shares,
+                                std::span<FragmentBand> bands) {
+  if (!scene.bvh || !scene.directions || scene.directions->blocks_nothing() ||
+      light.size() != scene.directions->size || shares.own.size() != scene.directions->entries())
+    return 0;
+  keep(scene, map, light);
+  const LightTracer tracer(*scene.bvh, cells_, light, irradiance, scene.material,
+                           glm::mat3(scene.marker_from_object.rotation));
+  if (tracer.mask_size()) lobe_masks_.keep(scene.directions, *tracer.mask_size());
+  const float offset = ray_offset(scene.mesh);
+  const FragmentPlaces places(scene);
+  const glm::vec3 eye(camera_from_marker.inverse().translation);
+  std::vector<double> rays(bands.size(), 0);
+  parallel_for(int(bands.size()), 4, [&](int begin, int end) {
+    SampleStarts starts(camera, camera_from_marker * scene.marker_from_object, offset);
+    for (int i = begin; i < end; ++i)
+      for (Fragment& f : bands[std::size_t(i)].object) {
+        const std::array<std::size_t, 3> entries = places.entries(f);
+        const std::uint64_t asked =
+            BrightCells::unsure(states_[entries[0]], states_[entries[1]], states_[entries[2]]);
+        if (!tracer.changes(f.share, asked)) continue;
+        const FragmentPlace at = places.of(f);
+        const TrianglePlace& place = at.place;
+        BrightCells::Corners corners;
+        LobeCells::Corners between{{}, place.weights};
+        for (std::size_t k = 0; k < 3; ++k) {
+          corners[k] = {states_[entries[k]], place.corners[k].normal};
+          if (tracer.mask_size()) between.hidden[k] = lobe_masks_.of(entries[k]);
+        }
+        rays[std::size_t(i)] += tracer.trace(
+            f.share, {starts.of(f, place), place.normal, places.view(f, eye), shares.of_others(at)},
+            corners, between, asked);
+      }
+  });
+  return std::accumulate(rays.begin(), rays.end(), 0.0);
+}
+
+}  // namespace fastibl

@@ -1,0 +1,84 @@
+// What an object keeps from itself of the brightest parts of the light, by rays from every pixel
+// for which its vertices do not tell.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "fastibl/core/pose.h"
+#include "fastibl/scene/camera.h"
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/irradiance.h"
+#include "fastibl/scene/material.h"
+#include "fastibl/scene/scene.h"
+#include "fastibl/shading/bright_cells.h"
+#include "fastibl/shading/hidden_masks.h"
+#include "fastibl/shading/lobe_cells.h"
+#include "fastibl/shading/rasterize.h"
+#include "fastibl/shading/self_shadow.h"
+#include "fastibl/shading/triangle_place.h"
+
+namespace fastibl {
+
+// Shares of the light at places between three corners. Keeps references.
+class LightTracer {
+ public:
+  // cells: of the light. irradiance: by which diffuse_shares() found the shares of the corners.
+  LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
+              const Irradiance& irradiance, const Material& material,
+              const glm::mat3& map_from_light);
+
+  struct Place {
+    std::span<const glm::vec3> starts;  // of rays, in the bvh's frame: one, or one a sample
+    glm::vec3 normal, view;             // unit, in the light's frame
+    glm::vec3 of_others;                // what is not the map's in the share, see EntryShares
+  };
+  // Changes a share that was interpolated between the corners' shares: of the irradiance (RGB)
+  // where light is asked for, see BrightCells::unsure(); and of glossy light, by the place's own
+  // lobe, where the corners' lobes meet the object. between: with what is hidden from the corners
+  // in cells of mask_size(), where there is a lobe. Returns how many rays it traced.
+  int trace(glm::vec4& share, const Place& place, const BrightCells::Corners& corners,
+            const LobeCells::Corners& between, std::uint64_t asked) const;
+  // Whether trace() does anything.
+  bool changes(glm::vec4 share, std::uint64_t asked) const {
+    return (diffuse_ && asked != 0) || (lobe_ && is_touched(share.w));
+  }
+  std::optional<int> mask_size() const {
+    return lobe_ ? std::optional(lobe_->size()) : std::nullopt;
+  }
+
+ private:
+  const Bvh& bvh_;
+  const BrightCells& cells_;
+  const Irradiance& irradiance_;
+  glm::mat3 map_from_light_;
+  bool diffuse_;
+  std::optional<LobeCells> lobe_;  // without the bright cells
+  LobeHeight height_;
+};
+
+// The same for all pixels of pictures. Keeps what stays valid from one to the next.
+class TracedLights {
+ public:
+  // Changes the fragments' shares, which were interpolated from diffuse_shares() and
+  // glossy_shares(). shares: those of the corners. light: of the map, in the cells of the scene's
+  // directions. Does nothing where the scene has no bvh. Returns how many rays it traced.
+  double operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
+                    const Irradiance& irradiance, const Camera& camera,
+                    const Pose& camera_from_marker, const EntryShares& shares,
+                    std::span<FragmentBand> bands);
+
+ private:
+  void keep(const Scene& scene, const CubeMap& map, const CellLight& light);
+
+  std::shared_ptr<const VertexVisibility> visibility_;  // that states_ are of
+  std::uint64_t light_ = 0;                             // version of the light, likewise
+  BrightCells cells_;
+  std::vector<CellStates> states_;  // by entry
+  HiddenMasks masks_, lobe_masks_;  // in the light's cells, and in the lobe's
+};
+
+}  // namespace fastibl
