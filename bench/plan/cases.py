@@ -56,8 +56,12 @@ def cases(quick: bool = False) -> list[Case]:
 
 @cache
 def environment(name: str) -> fastibl.CubeMap:
+    return above_a_table(inputs.real_maps()[name])
+
+
+def above_a_table(cube: fastibl.CubeMap) -> fastibl.CubeMap:
     """The map above the horizon, with the table below it."""
-    faces = inputs.real_maps()[name].faces.astype(np.float64)
+    faces = cube.faces.astype(np.float64)
     d, angles, radiance = reference.samples(faces)
     up = d[:, 2] > 0
     table = ALBEDO / np.pi * ((angles * d[:, 2])[up] @ radiance[up])

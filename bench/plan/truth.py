@@ -51,7 +51,7 @@ def sky() -> tuple[NDArray, NDArray, NDArray]:
     )
 
 
-def _embree(mesh: fastibl.Mesh):
+def embree_scene(mesh: fastibl.Mesh):
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -137,7 +137,7 @@ def _all(mesh: str) -> dict[str, NDArray]:
 
 def _work_out(mesh: str) -> dict[str, NDArray]:
     s, (d, angle, radiance) = seen(mesh), sky()
-    embree, scale = _embree(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
+    embree, scale = embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
     flux = radiance * angle[:, None]
     out = {}
     # The plane.
@@ -169,7 +169,7 @@ def _work_out(mesh: str) -> dict[str, NDArray]:
 def _at_samples(mesh: str, which: NDArray) -> dict[str, NDArray]:
     """Direct irradiance, and the averages under the lobes, of these samples."""
     s, (d, angle, radiance) = seen(mesh), sky()
-    embree, scale = _embree(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
+    embree, scale = embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
     flux = radiance * angle[:, None]
     out = {"irradiance": np.zeros((len(which), flux.shape[1]))}
     for name, material in MATERIALS.items():

@@ -1,4 +1,5 @@
-"""Pictures of the object in its place, by `./dev bench shadow-pictures`: the bounce, and real objects as holdouts.
+"""Pictures of the object in its place, by `./dev bench shadow-pictures`: the bounce, real objects as holdouts, and the
+object's own shadow under a sun.
 
 The table is grey in the back picture in any light, because exposures make it so. Below the horizon the maps hold that
 table, as a captured map does.
@@ -166,6 +167,25 @@ def holdout_rows() -> list[list[tuple[str, NDArray]]]:
     return rows
 
 
+def lamp_rows() -> list[list[tuple[str, NDArray]]]:
+    """Panels: the object's own shadow under a sun by vertex, with rays to the brightest light, with rays to all of it,
+    and what the second is off the third."""
+    view, rows = _view((0.1, -0.26, 0.2), (0, 0, 0.05)), []
+    cube, exposure = _on_table(truth.lights(128)["dawn and sun"].cube)
+    back = _encoded(np.full((_CAMERA.height, _CAMERA.width, 3), _TABLE))
+    for name in ("spot", "suzanne", "stanford-bunny"):
+        scene = fastibl.Scene(_mesh(name), fastibl.Material(diffuse=_COLOURS["teapot"]))
+        made = [
+            fastibl.Session(scene, fastibl.Rig(_CAMERA), environment=cube, methods={"self_shadow": method})
+            .process(fastibl.Frame(0.0, back=back, back_exposure=exposure, back_from_marker=view))
+            .image
+            for method in ("transfer", "traced-lights", "traced")
+        ]
+        captions = ("by vertex", "rays to the sun", "rays to all light", f"{_GAIN} x off")
+        rows.append(list(zip(captions, (*made, _off(made[1], made[2])), strict=True)))
+    return rows
+
+
 def _sheet(rows: list[list[tuple[str, NDArray]]]) -> NDArray[np.uint8]:
     lines = []
     for row in rows:
@@ -182,8 +202,12 @@ def _sheet(rows: list[list[tuple[str, NDArray]]]) -> NDArray[np.uint8]:
 
 
 def draw() -> list[Path]:
-    """Draws both sheets; returns the paths of what was written."""
-    made: dict[str, Callable[[], list]] = {"place-bounce": bounce_rows, "place-holdout": holdout_rows}
+    """Draws all sheets; returns the paths of what was written."""
+    made: dict[str, Callable[[], list]] = {
+        "place-bounce": bounce_rows,
+        "place-holdout": holdout_rows,
+        "self-shadow-lamps": lamp_rows,
+    }
     written = []
     for name, rows in made.items():
         path = IMAGES / f"{name}.jpg"

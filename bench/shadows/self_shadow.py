@@ -128,7 +128,7 @@ def errors(method: str, name: str, size: int = 64) -> dict[str, float]:
     }
 
 
-def _missing() -> str:
+def missing() -> str:
     if not inputs.MAPS:
         return inputs.NO_MAPS
     try:
@@ -146,8 +146,8 @@ def _figures(means: dict[str, float]) -> str:
 @row("shadow", "self-shadow: diffuse object against rays")
 def diffuse() -> Iterator[Goal]:
     what = "irradiance of the vertices with self-shadow, mean over vertices and maps"
-    if missing := _missing():
-        yield skipped(what, missing)
+    if reason := missing():
+        yield skipped(what, reason)
         return
     for name in truth.meshes():
         means = errors("transfer", name)
@@ -221,8 +221,8 @@ def glossy_errors(name: str, exponent: float) -> dict[str, float]:
 @row("shadow", "self-shadow: glossy light against rays")
 def glossy() -> Iterator[Goal]:
     what = "glossy light with the object's own occlusion, mean over exponents 8 to 512 and maps"
-    if missing := _missing():
-        yield skipped(what, missing)
+    if reason := missing():
+        yield skipped(what, reason)
         return
     for name in ("spot", "suzanne"):
         found = {s: glossy_errors(name, s) for s in EXPONENTS}
@@ -247,8 +247,8 @@ def _bake(mesh: fastibl.Mesh, sizes: Sequence[int]) -> str:
 @row("shadow", "self-shadow: time of a change of light")
 def times() -> Iterator[Goal]:
     what = "shares of the irradiance after a change of light"
-    if missing := _missing():
-        yield skipped(what, missing)
+    if reason := missing():
+        yield skipped(what, reason)
         return
     light = lighting("venice_sunset")
     with measure.one_core():

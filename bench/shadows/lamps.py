@@ -1,0 +1,182 @@
+"""The object's own shadow in pictures under lamps: error of whole pixels against rays, and time, by method.
+
+Two lights: the studio's lamps, and the dawn with a sun that carries 75 % of the plane's irradiance, each above a table.
+A direction of the truth is the middle of a texel of 64 squared; texels with more than 1/2000 of the light are cut
+into 8 x 8. The light of a pixel is the mean over the renderer's four samples, each with its own normal and rays.
+Errors are those of pixels cut at white, where the table has 0.35 of white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fastibl
+from fastibl import reference
+
+from .. import brute, inputs, measure
+from ..goals import Goal, percent, row, skipped
+from ..light.speed import cpu_times
+from ..plan import cases
+from . import truth
+from .self_shadow import missing
+from .sky import pieces
+
+MESHES = ("spot", "stanford-bunny", "teapot", "suzanne")
+METHODS = ("none", "ambient-occlusion", "transfer", "pixel-transfer", "traced-lights", "traced")
+MATTE = fastibl.Material(diffuse=(0.8, 0.8, 0.8))
+METAL = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.8, 0.8), exponent=64)
+PIXELS = 250  # of each mesh, chosen at random
+_COARSE, _SPLIT, _BRIGHT = 64, 8, 1 / 2000
+_VERSION = "1"  # of what is kept on disk: raise it when the truth changes
+
+
+@cache
+def lights() -> dict[str, fastibl.CubeMap]:
+    size = cases.SIZE
+    dawn, studio = (fastibl.read_environment(inputs.MAPS[m], size=size) for m in ("kiara_1_dawn", "studio_small_03"))
+    return {"studio": cases.above_a_table(studio), "dawn and sun": cases.above_a_table(truth.with_sun(dawn))}
+
+
+def sky(cube: fastibl.CubeMap) -> tuple[NDArray, NDArray, NDArray]:
+    """Directions (k, 3), solid angles (k,) and radiance (k, 3)."""
+    n, factor = _COARSE, cube.size // _COARSE
+    d, angles, radiance = reference.samples(cube.faces.astype(np.float64))
+    blocks = np.arange(6 * cube.size**2).reshape(6, n, factor, n, factor).transpose(0, 1, 3, 2, 4)
+    blocks = blocks.reshape(6 * n * n, -1)
+    flux = (radiance[blocks] * angles[blocks][..., None]).sum(axis=1)
+    bright = (flux > _BRIGHT * flux.sum(axis=0)).any(axis=1)
+    whole = angles[blocks].sum(axis=1)
+    split = blocks[bright].ravel()
+    fine, fine_angles = pieces(cube.size, split, _SPLIT)
+    middle, _, _ = reference.samples(np.zeros((6, n, n, 3)))
+    return (
+        np.concatenate([middle[~bright], fine.reshape(-1, 3)]),
+        np.concatenate([whole[~bright], fine_angles.ravel()]),
+        np.concatenate([flux[~bright] / whole[~bright, None], radiance[split].repeat(_SPLIT**2, axis=0)]),
+    )
+
+
+@cache
+def chosen(name: str) -> tuple[NDArray, NDArray]:
+    """Pixels (p,) that the object covers, and their samples (p, 4) among those that see it."""
+    from ..plan.truth import seen
+
+    at = seen(name).pixel
+    order = np.argsort(at, kind="stable")
+    pixel, first, count = np.unique(at[order], return_index=True, return_counts=True)
+    whole = np.flatnonzero(count == 4)
+    whole = np.sort(np.random.default_rng(0).permutation(whole)[:PIXELS])
+    return pixel[whole], order[first[whole, None] + np.arange(4)]
+
+
+def true_light(name: str, light: str) -> NDArray[np.float64]:
+    """(2, p, 3): radiance of the pixels of the matte object and of the metal."""
+    from ..plan import truth as picture
+
+    s, (_, samples) = picture.seen(name), chosen(name)
+    d, angles, radiance = sky(lights()[light])
+
+    def make() -> NDArray:
+        embree, scale = picture.embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
+        found = np.zeros((2, samples.size, 3))
+        flux = radiance * angles[:, None]
+        for k, i in enumerate(samples.ravel()):
+            n, v = s.normal[i], s.view[i]
+            up = np.flatnonzero(d @ n > 0)
+            start = np.broadcast_to(s.start[i] + 2e-4 * scale * n, (len(up), 3)).astype(np.float32)
+            free = embree.run(start, d[up].astype(np.float32), query="OCCLUDED") < 0
+            cosine = d[up] @ n
+            found[0, k] = (cosine * free) @ flux[up] / np.pi
+            half = d[up] + v
+            half /= np.linalg.norm(half, axis=1, keepdims=True)
+            lobe = np.maximum(half @ n, 0) ** METAL.exponent * cosine
+            found[1, k] = (lobe * free) @ flux[up] / (lobe @ angles[up])
+        return found.reshape(2, *samples.shape, 3).mean(axis=2)
+
+    key = ("lamps", s.mesh.vertices, s.mesh.triangles, d, radiance, samples.astype(np.int64), _VERSION)
+    return brute.stored(key, make) * np.array([MATTE.diffuse[0], METAL.glossy[0]])[:, None, None]
+
+
+def session(
+    name: str, light: str, material: fastibl.Material, method: str, camera: fastibl.Camera, taps: int
+) -> fastibl.Session:
+    methods = {
+        "self_shadow": method,
+        "bounce": "none",
+        "diffuse": fastibl.Method("irradiance-cube", size=32, source=32),
+        "glossy": fastibl.Method("sampled", taps=taps),
+    }
+    made = fastibl.Session(cases.scene(name), fastibl.Rig(camera), None, lights()[light], methods=methods)
+    made.set_material(material)
+    return made
+
+
+def drawn(name: str, light: str, material: fastibl.Material, method: str) -> NDArray[np.float64]:
+    """(p, 3): radiance of the pixels."""
+    made = session(name, light, material, method, cases.camera(), 1024)
+    made.process(fastibl.Frame(0.0, back_from_marker=cases.pose()))
+    layer, rgba = made.object, np.zeros((cases.HEIGHT, cases.WIDTH, 4))
+    rgba[layer.y : layer.y + layer.rgba.shape[0], layer.x : layer.x + layer.rgba.shape[1]] = layer.rgba
+    return rgba.reshape(-1, 4)[chosen(name)[0], :3]
+
+
+def times(name: str, light: str, material: fastibl.Material) -> dict[str, float]:
+    """Milliseconds of a 4 ms yardstick for what each method adds to a picture of 640 x 480 that moves."""
+    c = cases.camera()
+    large = fastibl.Camera(4 * c.width, 4 * c.height, 4 * c.fx, 4 * c.fy, 4 * c.cx, 4 * c.cy)
+    poses = cases.pose(), cases.beside(cases.pose())
+
+    def draw(made: fastibl.Session, turn: list[int]) -> None:
+        turn[0] += 1
+        made.process(fastibl.Frame(float(turn[0]), back_from_marker=poses[turn[0] % 2]))
+
+    calls = []
+    for method in METHODS:
+        made, turn = session(name, light, material, method, large, 4), [0]
+        draw(made, turn)
+        calls.append(lambda made=made, turn=turn: draw(made, turn))
+    with measure.one_core():
+        *mine, yard = np.median(cpu_times(calls, 5), axis=0)
+    return {m: 4 * (t - mine[0]) / yard for m, t in zip(METHODS, mine, strict=True)}
+
+
+@row("shadow", "self-shadow: pictures under lamps")
+def lamps() -> Iterator[Goal]:
+    what = "pixels with the object's own shadow under lamps, RMS by their mean"
+    if reason := missing():
+        yield skipped(what, reason)
+        return
+    for k, (kind, material) in enumerate((("matte", MATTE), ("metal, exponent 64", METAL))):
+        error: dict[str, list[float]] = {m: [] for m in METHODS}
+        notes = []
+        for light in lights():
+            for name in MESHES:
+                white = float(lights()[light].faces[5].mean()) / cases.TABLE
+                true = np.minimum(true_light(name, light)[k], white)
+                mine = {m: np.minimum(drawn(name, light, material, m), white) for m in METHODS}
+                off = {m: float(np.sqrt(((p - true) ** 2).mean()) / true.mean()) for m, p in mine.items()}
+                for m in METHODS:
+                    error[m].append(off[m])
+                notes.append(f"{name}, {light}: " + ", ".join(f"{m} {percent(e)}" for m, e in off.items()))
+        mean = {m: float(np.mean(e)) for m, e in error.items()}
+        cost = {light: times("spot", light, material) for light in lights()}
+        yield Goal(
+            f"{kind}: {what}, mean of {len(MESHES)} meshes and {len(lights())} lights: traced-lights",
+            percent(mean["traced-lights"]),
+            f"half of transfer's ({percent(mean['transfer'])})",
+            mean["traced-lights"] <= 0.5 * mean["transfer"],
+            (
+                "mean: " + ", ".join(f"{m} {percent(e)}" for m, e in mean.items()),
+                *notes,
+                *(
+                    f"added to a picture of 640 x 480 of spot, {light}: "
+                    + ", ".join(f"{m} {t:.1f} ms" for m, t in of.items())
+                    + " of a 4.0 ms yardstick"
+                    for light, of in cost.items()
+                ),
+            ),
+        )
