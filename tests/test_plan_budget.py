@@ -87,6 +87,9 @@ def test_methods_of_a_plan_can_be_kept_and_given_again(scene):
     plan = fastibl.make_plan(scene, room(), error=0.02)
     kept = pickle.loads(pickle.dumps(plan.methods))
     assert kept == plan.methods == copy.deepcopy(kept)
+    for name in ("centroid", "stretched"):  # that choose their lights themselves
+        asked = fastibl.make_plan(scene, methods={"glossy": name}).methods
+        assert pickle.loads(pickle.dumps(asked)) == asked
     again = fastibl.make_plan(scene, room(), error=0.5, methods=kept)
     assert again.methods == kept and again.expected_error == plan.expected_error
     session = fastibl.Session(scene, fastibl.Rig(fastibl.Camera(64, 48, 50.0, 50.0, 32.0, 24.0)), methods=kept)

@@ -26,7 +26,7 @@ struct Costs {
   // For what the object hides from itself; for a lobe at a vertex and at a pixel, by Workload's
   // groups.
   double cells = 90e3, share_edge = 0.9, vertex_group = 18, pixel_group = 38;
-  double traced_pixel = 25e3, light_ray = 95, bright_ray = 4;
+  double traced_pixel = 25e3, light_ray = 80, bright_ray = 5;
   double bounce = 175e3, bounce_group = 3.2, plane_texel = 4.1;
   // For the cameras' pictures.
   double track = 1.4e6, capture_pixel = 3;

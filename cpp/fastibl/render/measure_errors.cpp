@@ -138,7 +138,7 @@ void judge_object(const Judged& j, const std::vector<Colours>& diffuse,
   double mean = 0;
   for (const glm::vec3& t : truth) mean += double(t.x + t.y + t.z) / 3 / double(count);
   const auto within_pixels = [&](SelfShadowMethod method) {
-    return method == SelfShadowMethod::traced ? square(kWithinPixel * mean) : 0.0;
+    return traces_rays(method) ? square(kWithinPixel * mean) : 0.0;
   };
   const auto view_of = [&](std::size_t pixel) {
     return std::size_t(j.samples.surface[j.samples.pixels[pixel]].view);

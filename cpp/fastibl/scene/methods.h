@@ -216,7 +216,8 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
     for (const Setting<Settings>& s : all) {
       names += (names.empty() ? "" : ", ") + std::string(s.name);
       if (s.name != key) continue;
-      checks::in_range(name(method), s.name, s.least, s.most, value);
+      if (value != settings.*s.value)  // a default may stand for the method's own choice
+        checks::in_range(name(method), s.name, s.least, s.most, value);
       settings.*s.value = value;
       found = true;
     }
