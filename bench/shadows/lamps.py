@@ -8,8 +8,8 @@ Errors are those of pixels cut at white, where the table has 0.35 of white.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +104,7 @@ def true_light(name: str, light: str) -> NDArray[np.float64]:
 def session(
     name: str, light: str, material: fastibl.Material, method: str, camera: fastibl.Camera, taps: int
 ) -> fastibl.Session:
-    methods = {
+    methods: dict[str, str | fastibl.Method] = {
         "self_shadow": method,
         "bounce": "none",
         "diffuse": fastibl.Method("irradiance-cube", size=32, source=32),
@@ -134,11 +134,11 @@ def times(name: str, light: str, material: fastibl.Material) -> dict[str, float]
         turn[0] += 1
         made.process(fastibl.Frame(float(turn[0]), back_from_marker=poses[turn[0] % 2]))
 
-    calls = []
+    calls: list[Callable[[], object]] = []
     for method in METHODS:
         made, turn = session(name, light, material, method, large, 4), [0]
         draw(made, turn)
-        calls.append(lambda made=made, turn=turn: draw(made, turn))
+        calls.append(partial(draw, made, turn))
     with measure.one_core():
         *mine, yard = np.median(cpu_times(calls, 5), axis=0)
     return {m: 4 * (t - mine[0]) / yard for m, t in zip(METHODS, mine, strict=True)}

@@ -72,10 +72,13 @@ void bind_choice(py::module_& module) {
       .def("__reduce__",
            [](const py::object& self) {
              py::dict all;
-             for (const char* name : {"tracking", "capture", "diffuse", "diffuse_settings",
-                                      "glossy", "glossy_settings", "normalization", "shadow",
-                                      "shadow_settings", "self_shadow", "bounce"})
+             for (const char* name : {"tracking", "capture", "diffuse", "glossy", "normalization",
+                                      "shadow", "self_shadow", "bounce"})
                all[name] = self.attr(name);
+             const Methods& m = self.cast<const Methods&>();
+             all["diffuse_settings"] = given_settings(m.diffuse, m.diffuse_settings);
+             all["glossy_settings"] = given_settings(m.glossy, m.glossy_settings);
+             all["shadow_settings"] = given_settings(m.shadow, m.shadow_settings);
              const py::object make = py::module_::import("functools").attr("partial");
              return py::make_tuple(make(py::type::of(self), **all), py::tuple());
            })

@@ -216,8 +216,7 @@ Settings settings_with(Method method, const std::map<std::string, int>& given) {
     for (const Setting<Settings>& s : all) {
       names += (names.empty() ? "" : ", ") + std::string(s.name);
       if (s.name != key) continue;
-      if (value != settings.*s.value)  // a default may stand for the method's own choice
-        checks::in_range(name(method), s.name, s.least, s.most, value);
+      checks::in_range(name(method), s.name, s.least, s.most, value);
       settings.*s.value = value;
       found = true;
     }
@@ -239,6 +238,14 @@ std::map<std::string, int> settings_map(Method method, const Settings& settings)
   std::map<std::string, int> values;
   for (const Setting<Settings>& s : settings_of(method))
     values[std::string(s.name)] = settings.*s.value;
+  return values;
+}
+// Those that are not at their defaults, for settings_with().
+template <typename Settings, typename Method>
+std::map<std::string, int> given_settings(Method method, const Settings& settings) {
+  std::map<std::string, int> values;
+  for (const Setting<Settings>& s : settings_of(method))
+    if (settings.*s.value != Settings{}.*s.value) values[std::string(s.name)] = settings.*s.value;
   return values;
 }
 // For example "irradiance-cube [size=16, source=16]"; values that stand for the method's own choice
