@@ -141,10 +141,11 @@ class Builder {
 
 }  // namespace
 
-DirectionSet::DirectionSet(int n) : count(n) {
+void DirectionSet::resize(int n) {
   check(n >= 0, "the number of directions must be at least 0, got ", n);
+  count = n;
   for (std::vector<float>* v : {&x, &y, &z})
-    v->assign(std::size_t((n + kWide - 1) / kWide * kWide), 0.0f);
+    v->resize(std::size_t((n + kWide - 1) / kWide * kWide));
 }
 
 void DirectionSet::set(int index, glm::vec3 direction) {

@@ -24,7 +24,8 @@ struct DirectionSet {
   std::vector<float> x, y, z;
   int count = 0;  // without the padding
 
-  explicit DirectionSet(int count);
+  explicit DirectionSet(int n) { resize(n); }
+  void resize(int n);  // then all are to be set, in order
   void set(int index, glm::vec3 direction);
 };
 

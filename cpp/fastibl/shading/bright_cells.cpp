@@ -198,13 +198,8 @@ class Tracer {
     for (std::size_t s = 0; s < starts_.size(); ++s) {
       std::vector<std::size_t>& rays = lists()[s];
       if (rays.empty()) continue;
-      set.count = int(rays.size());
-      const std::size_t filled = (rays.size() + kPacket - 1) / kPacket * kPacket;
-      set.x.resize(filled), set.y.resize(filled), set.z.resize(filled);
-      for (std::size_t i = 0; i < filled; ++i) {
-        const glm::vec3& d = all_[rays[std::min(i, rays.size() - 1)]];
-        set.x[i] = d.x, set.y[i] = d.y, set.z[i] = d.z;
-      }
+      set.resize(int(rays.size()));
+      for (std::size_t i = 0; i < rays.size(); ++i) set.set(int(i), all_[rays[i]]);
       hidden.resize(rays.size());
       bvh_.occluded(starts_[s], set, 0, hidden);
       for (std::size_t i = 0; i < rays.size(); ++i) met(rays[i], hidden[i] != 0);
@@ -215,7 +210,6 @@ class Tracer {
   }
 
  private:
-  static constexpr std::size_t kPacket = 8;  // as DirectionSet is padded
   static std::array<std::vector<std::size_t>, BrightCells::kStarts>& lists() {
     thread_local std::array<std::vector<std::size_t>, BrightCells::kStarts> lists;
     return lists;

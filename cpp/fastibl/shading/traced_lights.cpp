@@ -60,10 +60,10 @@ void TracedLights::keep(const Scene& scene, const CubeMap& map, const CellLight&
   light_ = light.version(), visibility_ = scene.directions;
   const glm::mat3 light_from_map = glm::transpose(glm::mat3(scene.marker_from_object.rotation));
   cells_ = BrightCells(map, light, light_from_map, glm::mat3(1));
-  masks_.keep(scene.directions, light.size());
-  const std::size_t vertices = scene.normals.size();
   states_.assign(scene.directions->entries(), {});
   if (cells_.empty()) return;
+  masks_.keep(scene.directions, light.size());
+  const std::size_t vertices = scene.normals.size();
   parallel_for(int(states_.size()), kGrain, [&](int begin, int end) {
     for (std::size_t e = std::size_t(begin); e < std::size_t(end); ++e)
       states_[e] = cells_.states(masks_.of(e),
