@@ -43,14 +43,26 @@ def two_boxes(gap=0.02):
 
 
 def free_rays(mesh, vertex, directions):
-    """(n,) whether rays from just above a vertex meet no triangle: they pass on different sides of its edges."""
+    """(n,) whether rays from just above a vertex meet no triangle."""
     corners = mesh.vertices.astype(float)
     normal = mesh.normals[vertex].astype(float)
-    origin = corners[vertex] + 1e-4 * np.linalg.norm(np.ptp(corners, axis=0)) / 2 * normal
-    a, b, c = np.moveaxis((corners - origin)[mesh.triangles], 1, 0)
+    return free_from(mesh, corners[vertex] + 1e-4 * np.linalg.norm(np.ptp(corners, axis=0)) / 2 * normal, directions)
+
+
+def free_from(mesh, origin, directions):
+    """(n,) whether rays from a place meet no triangle: they pass on different sides of its edges."""
+    a, b, c = np.moveaxis((mesh.vertices.astype(float) - origin)[mesh.triangles], 1, 0)
     sides = np.stack([directions @ np.cross(p, q).T for p, q in ((a, b), (b, c), (c, a))], -1)
     sides *= np.sign((a * np.cross(b, c)).sum(-1))[:, None]
     return ~(sides > 0).all(-1).any(-1)
+
+
+def seen_of_boxes(eye, pose):
+    """Of each pixel of LENS: its ray (h, w, 3), the triangle of BOXES that it meets, or -1, and how far away."""
+    seen = rays_of(LENS, pose).reshape(LENS.height, LENS.width, 3)
+    eyes = np.broadcast_to(eye, (seen.size // 3, 3)).astype(np.float32)
+    triangle, t, _ = fastibl.Bvh(BOXES).nearest(eyes, seen.reshape(-1, 3).astype(np.float32))
+    return seen, triangle.reshape(seen.shape[:2]), t.reshape(seen.shape[:2])
 
 
 BOXES, SOUP = two_boxes(), soup(25, seed=3)
@@ -465,11 +477,7 @@ def test_traced_shares_against_brute_force(kind):
     eye, middle = np.array([-0.35, 0.1, 0.42]), np.array([0.05, 0, 0])
     pose = looking(middle - eye, eye)
     directions, angles, radiance = reference.samples(cube, 2)
-    seen = rays_of(LENS, pose).reshape(LENS.height, LENS.width, 3)
-    triangle, t, _ = fastibl.Bvh(BOXES).nearest(
-        np.broadcast_to(eye, (seen.size // 3, 3)).astype(np.float32), seen.reshape(-1, 3).astype(np.float32)
-    )
-    triangle, t = triangle.reshape(seen.shape[:2]), t.reshape(seen.shape[:2])
+    seen, triangle, t = seen_of_boxes(eye, pose)
     traced, whole = share_picture(scene, "traced", cube, pose)
     transfer, _ = share_picture(scene, "transfer", cube, pose)
     inside = whole.copy()  # all of a pixel and its neighbours on one side of one box
@@ -479,14 +487,11 @@ def test_traced_shares_against_brute_force(kind):
             inside &= (np.roll(side, step, axis) == side) & (side >= 0)
     rows, columns = np.nonzero(inside)
     chosen = np.random.default_rng(0).permutation(len(rows))[:50]
-    corners, true, error = BOXES.vertices.astype(float), [], {"traced": [], "transfer": []}
+    true, error = [], {"traced": [], "transfer": []}
     for y, x in zip(rows[chosen], columns[chosen], strict=True):
         normal = BOXES.normals[BOXES.triangles[triangle[y, x]][0]].astype(float)
         place = eye + t[y, x] * seen[y, x] + 1e-5 * normal
-        a, b, c = np.moveaxis((corners - place)[BOXES.triangles], 1, 0)
-        sides = np.stack([directions @ np.cross(p, q).T for p, q in ((a, b), (b, c), (c, a))], -1)
-        sides *= np.sign((a * np.cross(b, c)).sum(-1))[:, None]
-        free = ~(sides > 0).all(-1).any(-1)
+        free = free_from(BOXES, place, directions)
         view = (eye - place) / np.linalg.norm(eye - place)
         light = lobe_weights(material, normal, view, directions) * angles * radiance[:, 1]
         true.append((light * free).sum() / light.sum())

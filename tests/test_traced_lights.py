@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scenes import scene_of
 from test_material import sphere
-from test_self_shadow import BOXES, LENS, MATTE, lobe_weights, share_picture, smooth_map
+from test_self_shadow import BOXES, LENS, MATTE, free_from, lobe_weights, seen_of_boxes, share_picture, smooth_map
 
 import fastibl
 from conftest import in_picture
 from fastibl import reference
-from fastibl.extremes.views import looking, rays_of
+from fastibl.extremes.views import looking
 
 MATERIALS = {
     "matte": fastibl.Material(diffuse=(1, 1, 1)),
@@ -46,10 +46,7 @@ def test_against_brute_force(kind):
     material, cube = MATERIALS[kind], lamp((0.6, 0.15, 0.78), 800.0, 0.9995)
     pose = looking(MIDDLE - EYE, EYE)
     directions, angles, radiance = reference.samples(cube, 2)
-    seen = rays_of(LENS, pose).reshape(LENS.height, LENS.width, 3)
-    eyes = np.broadcast_to(EYE, (seen.size // 3, 3)).astype(np.float32)
-    triangle, t, _ = fastibl.Bvh(BOXES).nearest(eyes, seen.reshape(-1, 3).astype(np.float32))
-    triangle, t = triangle.reshape(seen.shape[:2]), t.reshape(seen.shape[:2])
+    seen, triangle, t = seen_of_boxes(EYE, pose)
     scene = fastibl.Scene(BOXES, material, spheres=0)
     shares, whole = {}, None
     for method in ("traced-lights", "traced", "pixel-transfer", "transfer"):
@@ -60,14 +57,11 @@ def test_against_brute_force(kind):
     top &= whole & (np.abs(at[..., 2] - 0.05) < 1e-4)
     rows, columns = np.nonzero(top)
     chosen = np.random.default_rng(0).permutation(len(rows))[:60]
-    corners, true, error = BOXES.vertices.astype(float), [], {method: [] for method in shares}
+    true, error = [], {method: [] for method in shares}
     normal = np.array([0, 0, 1.0])
     for y, x in zip(rows[chosen], columns[chosen], strict=True):
         place = at[y, x] + 1e-5 * normal
-        a, b, c = np.moveaxis((corners - place)[BOXES.triangles], 1, 0)
-        sides = np.stack([directions @ np.cross(p, q).T for p, q in ((a, b), (b, c), (c, a))], -1)
-        sides *= np.sign((a * np.cross(b, c)).sum(-1))[:, None]
-        free = ~(sides > 0).all(-1).any(-1)
+        free = free_from(BOXES, place, directions)
         view = (EYE - place) / np.linalg.norm(EYE - place)
         light = lobe_weights(material, normal, view, directions) * angles * radiance[:, 1]
         true.append((light * free).sum() / light.sum())
