@@ -20,10 +20,10 @@ from fastibl import reference
 from .. import brute, inputs, measure
 from ..goals import Goal, percent, row, skipped
 from ..light.speed import cpu_times
-from ..plan import cases
-from . import truth
-from .self_shadow import missing
-from .sky import pieces
+from ..shadows import truth as lit
+from ..shadows.self_shadow import missing
+from ..shadows.sky import pieces
+from . import cases, render, truth
 
 MESHES = ("spot", "stanford-bunny", "teapot", "suzanne")
 METHODS = ("none", "ambient-occlusion", "transfer", "pixel-transfer", "traced-lights", "traced")
@@ -38,7 +38,7 @@ _VERSION = "1"  # of what is kept on disk: raise it when the truth changes
 def lights() -> dict[str, fastibl.CubeMap]:
     size = cases.SIZE
     dawn, studio = (fastibl.read_environment(inputs.MAPS[m], size=size) for m in ("kiara_1_dawn", "studio_small_03"))
-    return {"studio": cases.above_a_table(studio), "dawn and sun": cases.above_a_table(truth.with_sun(dawn))}
+    return {"studio": cases.above_a_table(studio), "dawn and sun": cases.above_a_table(lit.with_sun(dawn))}
 
 
 def sky(cube: fastibl.CubeMap) -> tuple[NDArray, NDArray, NDArray]:
@@ -63,9 +63,7 @@ def sky(cube: fastibl.CubeMap) -> tuple[NDArray, NDArray, NDArray]:
 @cache
 def chosen(name: str) -> tuple[NDArray, NDArray]:
     """Pixels (p,) that the object covers, and their samples (p, 4) among those that see it."""
-    from ..plan.truth import seen
-
-    at = seen(name).pixel
+    at = truth.seen(name).pixel
     order = np.argsort(at, kind="stable")
     pixel, first, count = np.unique(at[order], return_index=True, return_counts=True)
     whole = np.flatnonzero(count == 4)
@@ -75,13 +73,11 @@ def chosen(name: str) -> tuple[NDArray, NDArray]:
 
 def true_light(name: str, light: str) -> NDArray[np.float64]:
     """(2, p, 3): radiance of the pixels of the matte object and of the metal."""
-    from ..plan import truth as picture
-
-    s, (_, samples) = picture.seen(name), chosen(name)
+    s, (_, samples) = truth.seen(name), chosen(name)
     d, angles, radiance = sky(lights()[light])
 
     def make() -> NDArray:
-        embree, scale = picture.embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
+        embree, scale = truth.embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
         found = np.zeros((2, samples.size, 3))
         flux = radiance * angles[:, None]
         for k, i in enumerate(samples.ravel()):
@@ -119,9 +115,7 @@ def drawn(name: str, light: str, material: fastibl.Material, method: str) -> NDA
     """(p, 3): radiance of the pixels."""
     made = session(name, light, material, method, cases.camera(), 1024)
     made.process(fastibl.Frame(0.0, back_from_marker=cases.pose()))
-    layer, rgba = made.object, np.zeros((cases.HEIGHT, cases.WIDTH, 4))
-    rgba[layer.y : layer.y + layer.rgba.shape[0], layer.x : layer.x + layer.rgba.shape[1]] = layer.rgba
-    return rgba.reshape(-1, 4)[chosen(name)[0], :3]
+    return render.picture(made).object.reshape(-1, 4)[chosen(name)[0], :3]
 
 
 def times(name: str, light: str, material: fastibl.Material) -> dict[str, float]:
