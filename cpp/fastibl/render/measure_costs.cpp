@@ -293,7 +293,7 @@ void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance,
   costs.light_ray = traced / at_least(rays, 1);
   const BrightCells cells(map, light, light_from_map, glm::mat3(1));
   BrightCells::Seen all;
-  all.free.assign(cells.rays() + kLanes, 1);
+  all.free.assign(cells.rays().size() + kLanes, 1);
   const LobeHeight height(LobeShape{});
   constexpr int kPlaces = 200;
   float sum = 0;
@@ -302,7 +302,8 @@ void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance,
       sum += cells.lobe_sums(all, glm::normalize(glm::vec3(k, 0, kPlaces)), {0, 0, 1}, height).all;
   });
   // The sum is never negative.
-  costs.bright_ray = at_least(sum < 0 ? 0 : sums / kPlaces, 1) / at_least(double(cells.rays()), 1);
+  costs.bright_ray =
+      at_least(sum < 0 ? 0 : sums / kPlaces, 1) / at_least(double(cells.rays().size()), 1);
 }
 
 void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {

@@ -130,7 +130,8 @@ LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
     }
   });
   const double count = double(std::max<std::size_t>(rays.size(), 1));
-  return {std::accumulate(rays.begin(), rays.end(), 0.0) / count, double(cells.rays())};
+  return {std::accumulate(rays.begin(), rays.end(), 0.0) / count,
+          double(cells.rays().size())};
 }
 
 void trace_shares(const SceneSamples& samples, const CubeMap& map, const Material& material,

@@ -60,6 +60,9 @@ class Bvh {
     glm::vec3 origin, edge1, edge2;
     int index;
   };
+  // Each node comes before its children; leaves own triangles in order.
+  const std::vector<Node>& nodes() const { return nodes_; }
+  const std::vector<Corner>& corners() const { return corners_; }
 
  private:
   template <typename Visit>

@@ -28,7 +28,9 @@ struct CellStates {
 class BrightCells {
  public:
   static constexpr int kMost = 64;           // cells
+  static constexpr int kMostRays = 32;       // to a cell
   static constexpr std::size_t kStarts = 4;  // of rays from a pixel
+  static constexpr float kLow = -0.05f;      // cosine below which a cell is below the horizon
   // A cell with less of the light is left to the vertices.
   static constexpr float kLeastShare = 0.004f;
 
@@ -38,9 +40,19 @@ class BrightCells {
   BrightCells(const CubeMap& map, const CellLight& light, const glm::mat3& light_from_map,
               const glm::mat3& rays_from_light);
 
+  struct Cell {
+    glm::vec3 direction;       // of its middle
+    glm::mat3 moments;         // columns by channel: ∫ L w dω
+    float share;               // of all light; its rays have equal parts of it
+    float doubtful;            // cosine below which a corner does not tell
+    std::size_t first, count;  // of its rays
+    std::size_t first_count;   // that are traced before the others
+  };
+
   bool empty() const { return cells_.empty(); }
+  const std::vector<Cell>& cells() const { return cells_; }
   const std::vector<int>& indices() const { return indices_; }  // among the cells of the light
-  std::size_t rays() const { return rays_.size(); }
+  const std::vector<glm::vec3>& rays() const { return rays_; }  // in the bvh's frame, unit
   // hidden: of a corner, for each cell of the light. normal: unit, in the light's frame.
   CellStates states(const HiddenCells::Mask* hidden, glm::vec3 normal) const;
 
@@ -75,18 +87,10 @@ class BrightCells {
                             const LobeHeight& lobe) const;
 
  private:
-  struct Cell {
-    glm::vec3 direction;       // of its middle
-    glm::mat3 moments;         // columns by channel: ∫ L w dω
-    float doubtful;            // cosine below which a corner does not tell
-    std::size_t first, count;  // of its rays, each of which has the same part of its light
-    std::size_t first_count;   // that are traced before the others
-  };
-
   int size_ = 0;
   std::vector<int> indices_;
   std::vector<Cell> cells_;
-  std::vector<glm::vec3> rays_;  // in the bvh's frame, unit
+  std::vector<glm::vec3> rays_;
   // In the light's frame, for LitDirections. Flux counts in the first channel alone.
   std::vector<float> x_, y_, z_, flux_, none_;
 };

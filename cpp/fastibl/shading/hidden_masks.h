@@ -15,6 +15,9 @@ class HiddenMasks {
   // size: cells along an edge. Does nothing where these masks are kept already.
   void keep(const std::shared_ptr<const VertexVisibility>& visibility, int size);
   const HiddenCells::Mask* of(std::size_t entry) const { return &masks_[first_[entry]]; }
+  // Those of all entries, and where an entry's begin in them.
+  const std::vector<std::uint16_t>& all() const { return masks_; }
+  std::size_t first(std::size_t entry) const { return first_[entry]; }
 
  private:
   std::shared_ptr<const VertexVisibility> visibility_;

@@ -8,13 +8,6 @@
 #include "fastibl/scene/octahedral.h"
 
 namespace fastibl {
-// Middles of the cells of one grid in the order of the curve, and of its groups of 16.
-struct LobeCells::Cells {
-  int groups = 0;
-  std::vector<float> x, y, z, group_x, group_y, group_z;
-  float radius = 0;  // of a group, radians, from its middle
-};
-
 namespace {
 
 using Cells = LobeCells::Cells;

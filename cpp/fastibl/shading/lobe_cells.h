@@ -44,11 +44,23 @@ class LobeCells {
   };
   Sums sums(glm::vec3 normal, glm::vec3 view, const Corners& corners) const;
 
-  struct Cells;  // of a grid
+  // Middles of the cells of one grid in the order of the curve, and of its groups of 16.
+  struct Cells {
+    int groups = 0;
+    std::vector<float> x, y, z, group_x, group_y, group_z;
+    float radius = 0;  // of a group, radians, from its middle
+  };
   // For the cells of another grid than the light's own.
   struct Flux {
     std::vector<float> cells, groups;
   };
+  // What the sums are made of. Groups whose product with the lobe's middle is above `reach` are
+  // summed cell by cell, and of a GGX lobe the others as a whole.
+  const Cells& cells() const { return *cells_; }
+  const Flux& flux() const { return flux_; }
+  float reach() const { return least_; }
+  float half_exponent() const { return half_exponent_; }  // Blinn's; 0 for GGX
+  float alpha2() const { return alpha2_; }                // GGX's
 
  private:
   template <typename AddUp>

@@ -12,7 +12,6 @@ namespace fastibl {
 namespace {
 
 constexpr int kGrain = 512;  // entries
-constexpr float kSharpest = 1e6f;
 
 }  // namespace
 
@@ -55,13 +54,18 @@ int LightTracer::trace(glm::vec4& share, const Place& place, const BrightCells::
   return rays;
 }
 
-void TracedLights::keep(const Scene& scene, const CubeMap& map, const CellLight& light) {
-  if (light_ == light.version() && visibility_ == scene.directions) return;
+bool can_ask(const Scene& scene, const CellLight& light, std::span<const glm::vec4> shares) {
+  return scene.directions && !scene.directions->blocks_nothing() &&
+         light.size() == scene.directions->size && shares.size() == scene.directions->entries();
+}
+
+bool EntryCells::keep(const Scene& scene, const CubeMap& map, const CellLight& light) {
+  if (light_ == light.version() && visibility_ == scene.directions) return false;
   light_ = light.version(), visibility_ = scene.directions;
   const glm::mat3 light_from_map = glm::transpose(glm::mat3(scene.marker_from_object.rotation));
   cells_ = BrightCells(map, light, light_from_map, glm::mat3(1));
   states_.assign(scene.directions->entries(), {});
-  if (cells_.empty()) return;
+  if (cells_.empty()) return true;
   masks_.keep(scene.directions, light.size());
   const std::size_t vertices = scene.normals.size();
   parallel_for(int(states_.size()), kGrain, [&](int begin, int end) {
@@ -69,6 +73,7 @@ void TracedLights::keep(const Scene& scene, const CubeMap& map, const CellLight&
       states_[e] = cells_.states(masks_.of(e),
                                  e < vertices ? scene.normals[e] : -scene.normals[e - vertices]);
   });
+  return true;
 }
 
 namespace {
@@ -125,11 +130,10 @@ double TracedLights::operator()(const Scene& scene, const CubeMap& map, const Ce
                                 const Irradiance& irradiance, const Camera& camera,
                                 const Pose& camera_from_marker, const EntryShares& shares,
                                 std::span<FragmentBand> bands) {
-  if (!scene.bvh || !scene.directions || scene.directions->blocks_nothing() ||
-      light.size() != scene.directions->size || shares.own.size() != scene.directions->entries())
-    return 0;
-  keep(scene, map, light);
-  const LightTracer tracer(*scene.bvh, cells_, light, irradiance, scene.material,
+  if (!scene.bvh || !can_ask(scene, light, shares.own)) return 0;
+  entries_.keep(scene, map, light);
+  const std::vector<CellStates>& states = entries_.states();
+  const LightTracer tracer(*scene.bvh, entries_.cells(), light, irradiance, scene.material,
                            glm::mat3(scene.marker_from_object.rotation));
   if (tracer.mask_size()) lobe_masks_.keep(scene.directions, *tracer.mask_size());
   const float offset = ray_offset(scene.mesh);
@@ -142,14 +146,14 @@ double TracedLights::operator()(const Scene& scene, const CubeMap& map, const Ce
       for (Fragment& f : bands[std::size_t(i)].object) {
         const std::array<std::size_t, 3> entries = places.entries(f);
         const std::uint64_t asked =
-            BrightCells::unsure(states_[entries[0]], states_[entries[1]], states_[entries[2]]);
+            BrightCells::unsure(states[entries[0]], states[entries[1]], states[entries[2]]);
         if (!tracer.changes(f.share, asked)) continue;
         const FragmentPlace at = places.of(f);
         const TrianglePlace& place = at.place;
         BrightCells::Corners corners;
         LobeCells::Corners between{{}, place.weights};
         for (std::size_t k = 0; k < 3; ++k) {
-          corners[k] = {states_[entries[k]], place.corners[k].normal};
+          corners[k] = {states[entries[k]], place.corners[k].normal};
           if (tracer.mask_size()) between.hidden[k] = lobe_masks_.of(entries[k]);
         }
         rays[std::size_t(i)] += tracer.trace(

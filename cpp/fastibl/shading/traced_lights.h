@@ -23,9 +23,14 @@
 
 namespace fastibl {
 
+// Whether what a scene hides from itself is known in the light's cells, and not nothing. shares: of
+// the scene's entries.
+bool can_ask(const Scene& scene, const CellLight& light, std::span<const glm::vec4> shares);
+
 // Shares of the light at places between three corners. Keeps references.
 class LightTracer {
  public:
+  static constexpr float kSharpest = 1e6f;  // lobe that is summed over rays
   // cells: of the light. irradiance: by which diffuse_shares() found the shares of the corners.
   LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
               const Irradiance& irradiance, const Material& material,
@@ -60,6 +65,23 @@ class LightTracer {
   LobeHeight height_;
 };
 
+// The bright cells of a map's light, and what every entry of a scene's directions knows of them.
+class EntryCells {
+ public:
+  // Keeps what stays valid from one picture to the next. light: of the map, in the cells of the
+  // scene's directions. Returns whether anything changed.
+  bool keep(const Scene& scene, const CubeMap& map, const CellLight& light);
+  const BrightCells& cells() const { return cells_; }
+  const std::vector<CellStates>& states() const { return states_; }  // by entry
+
+ private:
+  std::shared_ptr<const VertexVisibility> visibility_;  // that states_ are of
+  std::uint64_t light_ = 0;                             // version of the light, likewise
+  BrightCells cells_;
+  std::vector<CellStates> states_;
+  HiddenMasks masks_;  // in the light's cells
+};
+
 // The same for all pixels of pictures. Keeps what stays valid from one to the next.
 class TracedLights {
  public:
@@ -72,13 +94,8 @@ class TracedLights {
                     std::span<FragmentBand> bands);
 
  private:
-  void keep(const Scene& scene, const CubeMap& map, const CellLight& light);
-
-  std::shared_ptr<const VertexVisibility> visibility_;  // that states_ are of
-  std::uint64_t light_ = 0;                             // version of the light, likewise
-  BrightCells cells_;
-  std::vector<CellStates> states_;  // by entry
-  HiddenMasks masks_, lobe_masks_;  // in the light's cells, and in the lobe's
+  EntryCells entries_;
+  HiddenMasks lobe_masks_;
 };
 
 }  // namespace fastibl
