@@ -632,8 +632,9 @@ PBR = ("BASE_COLOR_MAP", "METALLIC_MAP", "ROUGHNESS_MAP", "EMISSION_MAP", "NORMA
 VARIANTS = {
     "visibility": {"DISTORTION": (0, 1)},
     "shade": {"DIFFUSE": range(7), "GLOSSY": range(8), "PAPER": (0, 1), "DISTORTION": (0, 1), "HOLDOUT": (0, 1)}
-    | {"BOX": (0, 1), "COLORS": (0, 1)}
+    | {"BOX": (0, 1), "COLORS": (0, 1), "BY_PIXEL": (0, 1)}
     | dict.fromkeys(PBR, (0, 1)),
+    "pixel_shares": {"DIFFUSE": range(7), "LOBE": range(3), "RAYS": (0, 1), "DISTORTION": (0, 1)},
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),
@@ -667,13 +668,17 @@ def sources():
                 continue  # exponent 0 reads the irradiance
             if defines.get("HOLDOUT") and not defines.get("OBJECT", 1):
                 continue  # they are seen beside an object
-            coloured = ("DIFFUSE", "GLOSSY", "PAPER", "BOX", "COLORS", *PBR)
+            coloured = ("DIFFUSE", "GLOSSY", "PAPER", "BOX", "COLORS", "BY_PIXEL", *PBR)
             if defines.get("HOLDOUT") and any(defines.get(name) for name in coloured):
                 continue  # they have no colour
             if defines.get("BOX") and (defines["DISTORTION"] or defines["GLOSSY"] in (0, 2)):
                 continue  # nothing is looked up; rays do not matter to it
             if defines.get("COLORS") and any(defines.get(name) for name in ("PAPER", "BOX", "DISTORTION")):
                 continue  # which do not read them
+            if defines.get("BY_PIXEL") and any(defines.get(name) for name in ("PAPER", "BOX", "DISTORTION", "COLORS")):
+                continue  # nor these
+            if shader == "pixel_shares" and not defines["RAYS"] and (defines["DIFFUSE"] or not defines["LOBE"]):
+                continue  # without rays, only glossy light changes
             maps = sum(defines.get(name, 0) for name in PBR)
             if defines.get("GLOSSY", 0) >= 6 and (defines["PAPER"] or maps not in (0, 1, len(PBR))):
                 continue  # alone and all together

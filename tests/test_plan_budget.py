@@ -153,7 +153,7 @@ def test_pictures_that_have_time_are_less_wrong():
         eye = np.array([0.3, -0.4, 0.3])
         pose = looking(np.array([0, 0, 0.1]) - eye, eye)
         chosen[backend] = session.process(fastibl.Frame(0.0, back_from_marker=pose)).plan.methods.self_shadow
-    assert chosen["cpu"] == "traced" and chosen.get("gl", "transfer") == "transfer"
+    assert chosen["cpu"] == "traced" and chosen.get("gl", "pixel-transfer") == "pixel-transfer"
 
 
 def test_what_jumps_is_not_chosen_for_light_that_moves(scene):

@@ -44,15 +44,15 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
         return !takes_out || g.settings.lights == 0;
       });
   }
-  if (asked.self_shadow != SelfShadowMethod::automatic)
+  if (asked.self_shadow != SelfShadowMethod::automatic) {
     all.self_shadow = {asked.self_shadow};
-  else
+  } else {
     all.self_shadow = {SelfShadowMethod::none, SelfShadowMethod::ambient,
                        SelfShadowMethod::transfer};
-  if (asked.self_shadow == SelfShadowMethod::automatic && options.by_pixel) {
     if (options.glossy) all.self_shadow.push_back(SelfShadowMethod::pixel_transfer);
     all.self_shadow.push_back(SelfShadowMethod::traced_lights);
-    if (options.offline) all.self_shadow.push_back(SelfShadowMethod::traced);
+    if (options.offline && options.traced)
+      all.self_shadow.push_back(SelfShadowMethod::traced);
   }
   if (asked.shadow != ShadowMethod::automatic)
     all.shadow = {{asked.shadow, asked.shadow_settings}};

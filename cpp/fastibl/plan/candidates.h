@@ -40,7 +40,7 @@ struct CandidateOptions {
   bool boxed = false;    // walls are near: samples of a lobe would see them as if far away
   // Lights have places: only methods that take them out of the map shade them where they are.
   bool placed = false;
-  bool by_pixel = true;  // the back end finds what the object hides from single pixels
+  bool traced = true;  // the back end has this method
   // For pictures, not a live view: adds what takes a millisecond for a few hundred pixels,
   // `sampled` with 1024 taps and `traced`.
   bool offline = false;

@@ -51,8 +51,8 @@ class Renderer {
   virtual ~Renderer() = default;
   virtual std::string_view backend() const = 0;
   virtual std::string device() const { return {}; }  // GL_RENDERER; empty: the processor
-  // Whether it has the self-shadow methods that find shares for single pixels.
-  virtual bool shares_pixels() const = 0;
+  // Whether it has a self-shadow method; all have those that find shares for vertices.
+  virtual bool has(SelfShadowMethod method) const = 0;
   // Runs one of kRenderPasses; throws std::invalid_argument for another.
   virtual void run(PassId pass, const RenderInput& input) = 0;
   // Forgets a pass's product, and what its next run would build on. The ratio is then 1, or nothing

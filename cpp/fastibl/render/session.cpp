@@ -25,8 +25,7 @@ void check_methods(const Methods& methods, const Renderer& renderer) {
   check_settings(methods.diffuse, methods.diffuse_settings);
   check_settings(methods.glossy, methods.glossy_settings);
   check_settings(methods.shadow, methods.shadow_settings);
-  check(!shares_by_pixel(methods.self_shadow) || renderer.shares_pixels(), "the ",
-        renderer.backend(), " back end has no self_shadow method ", name(methods.self_shadow),
+  check(renderer.has(methods.self_shadow), "the ", renderer.backend(), " back end has no self_shadow method ", name(methods.self_shadow),
         "; backend=\"cpu\" has it");
 }
 
@@ -137,7 +136,8 @@ void Session::choose_methods() {
   if (judge_.due() && lit() && (options_.error > 0 || hurried)) {
     CandidateOptions choice = candidate_options(scene_, *environment_);
     choice.light_stays = !light_moves(), choice.hurried = hurried;
-    choice.offline = options_.offline, choice.by_pixel = renderer_->shares_pixels();
+    choice.offline = options_.offline;
+    choice.traced = renderer_->has(SelfShadowMethod::traced);
     judge_.begin(scene_, environment_, options_.methods, candidates(options_.methods, choice),
                  options_.cast_shadow);
   }

@@ -51,6 +51,7 @@ CAMERAS = {
     "a focal length of 1 pixel": (Camera(64, 64, 1, 1, 32, 32), FRONT),
     "a lens that folds over": (Camera(64, 64, 20, 20, 32, 32, [-0.6, 0.2, 0, 0]), FRONT),
 }
+BY_PIXEL = ("pixel-transfer", "traced-lights")  # self-shadow that both back ends find for each pixel
 EXPOSURES = (1e-30, 1e-6, 1.0, 1e6, 1e30)
 
 
@@ -71,6 +72,21 @@ def cases() -> Iterator[Case]:
                 f"object: {name}",
                 "a picture, finite, or a ValueError",
                 partial(result_or_refusal, partial(_object, name, backend)),
+                backend,
+            )
+            yield Case(
+                "self_shadow",
+                f"{name}, by pixel",
+                "a picture, finite, or a ValueError",
+                partial(result_or_refusal, partial(each, BY_PIXEL, _object_by_pixel, name, backend)),
+                backend,
+            )
+        for name in MAPS:
+            yield Case(
+                "self_shadow",
+                f"{name}: one ball above another, by pixel",
+                "finite, no brighter than without",
+                partial(each, BY_PIXEL, _by_pixel, name, backend),
                 backend,
             )
         for name, (camera, pose) in CAMERAS.items():
@@ -119,6 +135,13 @@ def cases() -> Iterator[Case]:
             partial(each, MAPS, _agree, name),
             "gl",
         )
+    yield Case(
+        "self_shadow",
+        "one ball above another by pixel, all maps: GL against CPU",
+        "99 % of the pixels within 2e-3 of the largest value",
+        partial(each, MAPS, _by_pixel_agree),
+        "gl",
+    )
     for what, arguments in (
         ("negative", {"diffuse": (-1, 0, 0)}),
         ("of NaN", {"diffuse": (np.nan, 0, 0)}),
@@ -167,12 +190,55 @@ def _lit(name: str, material: str, backend: str) -> Outcome:
 
 
 def _agree(name: str, material: str) -> Outcome:
-    cpu, gl = _layer(name, material, "cpu"), _layer(name, material, "gl")
+    return _alike(name, _layer(name, material, "cpu"), _layer(name, material, "gl"))
+
+
+def _alike(name: str, cpu: np.ndarray, gl: np.ndarray) -> Outcome:
     if cpu.shape != gl.shape:
         return Outcome(False, f"{name}: {cpu.shape} and {gl.shape}")
     largest = max(float(cpu.max()), 1e-20)
     worst = float(np.quantile(np.abs(cpu - gl).max(axis=-1), 0.99)) / largest
     return Outcome(worst <= 2e-3, f"{name}: {worst:.1e}" if worst > 2e-3 else "within 2e-3")
+
+
+@cache
+def _balls(method: str, backend: str) -> Session:
+    ball = _ball()
+    vertices = np.concatenate([ball.vertices, 0.4 * ball.vertices + np.array([0.02, -0.03, 0.12])])
+    mesh = Mesh(vertices, np.concatenate([ball.triangles, ball.triangles + len(ball.vertices)]))
+    return _session(
+        "black",
+        Scene(mesh, Material(glossy=(0.2, 0.2, 0.2)), spheres=0),
+        backend,
+        methods={"diffuse": "irradiance-cube", "self_shadow": method, "bounce": "none"},
+    )
+
+
+def _balls_layer(method: str, name: str, backend: str) -> np.ndarray:
+    session = _balls(method, backend)
+    session.set_environment(Environment(map_named(name)))
+    session.process(Frame(time=0.0, back_from_marker=FRONT))
+    return session.object.rgba
+
+
+def _by_pixel(method: str, name: str, backend: str) -> Outcome:
+    rgba, bare = _balls_layer(method, name, backend), _balls_layer("none", name, backend)
+    brighter = float((rgba - bare)[..., :3].max()) / max(float(bare.max()), 1e-30)
+    return both(is_light(rgba, what="object"), Outcome(brighter <= 1e-5, f"{brighter:.1e} brighter"))
+
+
+def _by_pixel_agree(name: str) -> Outcome:
+    return _alike(name, *(_balls_layer("traced-lights", name, backend) for backend in ("cpu", "gl")))
+
+
+def _object_by_pixel(method: str, name: str, backend: str) -> Outcome:
+    methods = {"shadow": "directions", "self_shadow": method}
+    session = _session("sun of 1e6 in one texel", _degenerate_scene(name), backend, methods=methods)
+    result = session.process(Frame(time=0.0, back=_back(PICTURE), back_from_marker=FRONT))
+    return both(
+        Outcome(result.image.shape == (64, 64, 3), f"picture {result.image.shape}"),
+        is_light(session.object.rgba, what="object"),
+    )
 
 
 @cache  # sessions use copies of it

@@ -16,7 +16,7 @@ namespace {
 class CpuRenderer final : public Renderer {
  public:
   std::string_view backend() const override { return "cpu"; }
-  bool shares_pixels() const override { return true; }
+  bool has(SelfShadowMethod) const override { return true; }
 
   void run(PassId pass, const RenderInput& in) override {
     switch (pass) {

@@ -20,7 +20,9 @@ class Gl final : public GlRenderer {
   explicit Gl(bool own_context) : gpu_(own_context) {}
 
   std::string_view backend() const override { return "gl"; }
-  bool shares_pixels() const override { return false; }
+  bool has(SelfShadowMethod method) const override {
+    return !shares_by_pixel(method) || PixelShares::has(method);
+  }
   std::string device() const override { return gpu_.device(); }
 
   void run(PassId pass, const RenderInput& in) override {

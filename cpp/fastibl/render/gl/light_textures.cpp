@@ -11,6 +11,7 @@ namespace fastibl {
 namespace {
 
 constexpr int kBakedSize = 32;  // texels along a face, for a method that is no cube map itself
+constexpr int kBaked = 5, kLobes = 6;  // variants that read a cube map, and lobes
 
 // Uploads a rectangle into level k of the bound cube map. fits: that level has its size already;
 // otherwise the rectangle is its whole face.
@@ -193,9 +194,39 @@ void LightTextures::bind_lobes(Gpu& gpu, const Program& p, const Lighting& light
   glUniform1fv(p.uniform("light_distance"), kMaxLights, lights.inverse_distance);
 }
 
-void LightTextures::bind_baked(Gpu& gpu, const Program& p) const {
-  gpu.bind("baked", baked_, GL_TEXTURE_CUBE_MAP);
-  glUniform1f(p.uniform("baked_scale"), baked_scale_);
+int irradiance_variant(const Gpu& gpu, DiffuseMethod method) {
+  if (gpu.bake_all()) return kBaked;
+  switch (method) {
+    case DiffuseMethod::nearest_face:
+      return 1;
+    case DiffuseMethod::six_face:
+      return 2;
+    case DiffuseMethod::six_face_exact:
+      return 3;
+    case DiffuseMethod::sh9:
+      return 4;
+    case DiffuseMethod::sh9_lobes:
+      return kLobes;
+    default:
+      return kBaked;
+  }
+}
+
+void LightTextures::set_irradiance(Gpu& gpu, const Program& p, int variant, const Irradiance& e) {
+  if (variant == kBaked) {
+    upload_baked(gpu, e);
+    gpu.bind("baked", baked_, GL_TEXTURE_CUBE_MAP);
+    glUniform1f(p.uniform("baked_scale"), baked_scale_);
+  } else if (variant == kLobes) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+    glUniform3fv(p.uniform("lobes"), kMostLobes, &e.lobes.axes[0].x);
+    glUniform2i(p.uniform("lobe_counts"), e.lobes.counts[0], e.lobes.count());
+    glUniform3fv(p.uniform("lobe_colours"), 2, &e.lobes.colours[0].x);
+  } else if (e.method == DiffuseMethod::sh9) {
+    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
+  } else {
+    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
+  }
 }
 
 }  // namespace fastibl

@@ -12,14 +12,14 @@
 
 namespace fastibl {
 
+// The value of DIFFUSE in shared/irradiance.glsl for a method.
+int irradiance_variant(const Gpu& gpu, DiffuseMethod method);
+
 class LightTextures {
  public:
   // Uploads the levels as the CPU made them; for a map like the last one only what has changed, as
   // the versions of its tiles tell. Values in half floats are scaled: these end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
-  // Uploads irradiance-cube as it is: one look-up. Any other diffuse method is uploaded as a cube
-  // map, where shaders are not to be trusted with it.
-  void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
   // Uploads the round lobes, and the map that is their level 0.
   void upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain);
@@ -29,9 +29,14 @@ class LightTextures {
   void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe, const Lighting& lighting);
   // Binds the uploaded chain, which is the lighting's, and its lights.
   void bind_lobes(Gpu& gpu, const Program& p, const Lighting& lighting) const;
-  void bind_baked(Gpu& gpu, const Program& p) const;
+  // Uploads and binds what irradiance is read from, for a program in use of that variant.
+  void set_irradiance(Gpu& gpu, const Program& p, int variant, const Irradiance& irradiance);
 
  private:
+  // Uploads irradiance-cube as it is: one look-up. Any other diffuse method is uploaded as a cube
+  // map, where shaders are not to be trusted with it.
+  void upload_baked(Gpu& gpu, const Irradiance& irradiance);
+
   Texture cube_, baked_, lobes_, first_lobe_, table_;
   // About the map that is in cube_. The map itself is not kept: its maker may update it in place.
   int radiance_size_ = 0, radiance_levels_ = 0;

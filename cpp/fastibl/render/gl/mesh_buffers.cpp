@@ -4,10 +4,10 @@
 #include <cstring>
 #include <utility>
 
+#include "fastibl/render/gl/tables.h"
+
 namespace fastibl {
 namespace {
-
-constexpr int kRow = 1024;  // texels along a row of the mesh's textures, as in shade.frag.glsl
 
 struct Corner {  // of a triangle, as the visibility pass reads it
   glm::vec3 position;
@@ -18,15 +18,6 @@ template <typename T>
 bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
   return a.size() == b.size() &&
          (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
-}
-
-// Rows of kRow texels; `values` is padded to whole rows.
-template <typename T>
-void upload_rows(Gpu& gpu, Texture& t, GLenum internal, GLenum format, GLenum type,
-                 std::vector<T>& values) {
-  const int rows = std::max(1, (int(values.size()) + kRow - 1) / kRow);
-  values.resize(std::size_t(rows) * kRow);
-  gpu.allocate(t, internal, kRow, rows, format, type, values.data());
 }
 
 void fill(GLuint buffer, const std::vector<Corner>& corners, GLenum usage) {
@@ -66,7 +57,8 @@ void MeshBuffers::upload(Gpu& gpu, const Scene& scene) {
   mesh_ = scene.mesh;
 }
 
-// New vertices and triangles of the cut follow the mesh's own.
+// New vertices and triangles of the cut follow the mesh's own, and tell where on which triangle
+// they are.
 void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
   // Position and normal of each vertex in turn; after all of them the colours, where there are any.
   std::vector<glm::vec4> vertices, tangents;
@@ -81,8 +73,8 @@ void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
   for (const glm::ivec3& t : mesh.triangles) triangles.emplace_back(t, 0);
   for (const CutMesh::Vertex& v : cut_.vertices) {
     const glm::ivec3& corners = mesh.triangles[std::size_t(v.triangle)];
-    vertices.emplace_back(glm::vec3(v.position), 0);
-    vertices.emplace_back(v.mean(corners, normal_.data()), 0);
+    vertices.emplace_back(glm::vec3(v.position), v.weights.x);
+    vertices.emplace_back(v.mean(corners, normal_.data()), v.weights.y);
     tangents.push_back(v.mean(corners, tangents.data()));
     uvs.push_back(v.mean(corners, uvs.data()));
   }
@@ -92,11 +84,11 @@ void MeshBuffers::upload_tables(Gpu& gpu, const Mesh& mesh) {
     for (const CutMesh::Vertex& v : cut_.vertices)
       vertices.emplace_back(v.mean(mesh.triangles[std::size_t(v.triangle)], colors), 0);
   }
-  for (const CutMesh::Triangle& t : cut_.triangles) triangles.emplace_back(t.corners, 0);
-  upload_rows(gpu, vertices_, GL_RGBA32F, GL_RGBA, GL_FLOAT, vertices);
-  upload_rows(gpu, tangents_, GL_RGBA32F, GL_RGBA, GL_FLOAT, tangents);
-  upload_rows(gpu, uvs_, GL_RG32F, GL_RG, GL_FLOAT, uvs);
-  upload_rows(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
+  for (const CutMesh::Triangle& t : cut_.triangles) triangles.emplace_back(t.corners, t.whole + 1);
+  upload_table(gpu, vertices_, vertices);
+  upload_table(gpu, tangents_, tangents);
+  upload_table(gpu, uvs_, GL_RG32F, GL_RG, GL_FLOAT, uvs);
+  upload_table(gpu, triangles_, GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, triangles);
 }
 
 void MeshBuffers::upload_shares(Gpu& gpu, const Scene& scene, std::span<const glm::vec4> shares) {
@@ -119,7 +111,7 @@ void MeshBuffers::upload_share_table(Gpu& gpu, const Mesh& mesh,
     for (const CutMesh::Vertex& v : cut_.vertices)
       rows.push_back(v.mean(mesh.triangles[std::size_t(v.triangle)], values));
   }
-  upload_rows(gpu, shares_, GL_RGBA32F, GL_RGBA, GL_FLOAT, rows);
+  upload_table(gpu, shares_, rows);
 }
 
 void MeshBuffers::set_cut(Gpu& gpu, CutMesh cut) {

@@ -17,26 +17,8 @@ namespace fastibl {
 namespace {
 
 constexpr unsigned kFirstHoldout = 0x80000000u;  // as in shade.frag.glsl
-constexpr int kBaked = 5, kLobes = 6;            // variants that read a cube map, and lobes
 
 bool lit(glm::vec3 colour) { return colour != glm::vec3(0); }
-
-int diffuse_variant(DiffuseMethod method) {
-  switch (method) {
-    case DiffuseMethod::nearest_face:
-      return 1;
-    case DiffuseMethod::six_face:
-      return 2;
-    case DiffuseMethod::six_face_exact:
-      return 3;
-    case DiffuseMethod::sh9:
-      return 4;
-    case DiffuseMethod::sh9_lobes:
-      return kLobes;
-    default:
-      return kBaked;
-  }
-}
 
 // Values of GLOSSY in shade.frag.glsl; 6 to 8 are of glTF's model.
 enum class GlossyVariant { none, mip, matte, chain, nearly_matte, sampled };
@@ -66,10 +48,6 @@ Pose camera_from_object(const RenderInput& in) {
   return in.camera_from_marker * in.scene.marker_from_object;
 }
 
-std::string distortion(const Camera& camera) {
-  return Lens(camera).trivial() ? "DISTORTION 0" : "DISTORTION 1";
-}
-
 std::string colors(const Scene& scene) {
   return scene.mesh.colors.empty() ? "COLORS 0" : "COLORS 1";
 }
@@ -88,17 +66,13 @@ void set_surroundings(const Program& p, const Lighting& lighting) {
   glUniform2f(p.uniform("box_axis"), walls.axis.x, walls.axis.y);
 }
 
-void set_projection(const Program& p, const RenderInput& in, const Pose& pose) {
-  set(p, "camera_from_object", glm::mat3(pose.rotation));
-  set(p, "camera_from_object_shift", glm::vec3(pose.translation));
-  set_camera(p, *in.camera);
-}
-
 }  // namespace
 
 void ShadePass::run(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   scale_ = in.supersampling;  // or less, where a texture could not hold the picture
-  while (scale_ > 1 && std::max(in.camera->width, in.camera->height) * scale_ > gpu.largest())
+  const int tiles = PixelShares::has(in.methods.self_shadow) ? 2 : 1;
+  while (scale_ > 1 &&
+         std::max(in.camera->width, in.camera->height) * scale_ * tiles > gpu.largest())
     --scale_;
   if (scale_ == 1) return draw(gpu, light, in);
   const Camera large = enlarged(*in.camera, scale_);
@@ -152,6 +126,7 @@ void ShadePass::draw(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   area_.y1 += (scale_ - area_.y1 % scale_) % scale_;
   draw_visible(gpu, in, outline, holdout, around);
   if (has_holdout_) draw_holdout(gpu, in);
+  shares_by_pixel_ = pixel_shares_.find(gpu, light, parts(), in);
   gpu.allocate(object_, GL_RGBA32F, visible_.width, visible_.height, GL_RGBA, GL_FLOAT);
   if (in.scene.material.pbr)
     draw_pbr(gpu, light, in);
@@ -187,7 +162,7 @@ void ShadePass::draw_visible(Gpu& gpu, const RenderInput& in, const Outline& out
   glClearBufferuiv(GL_COLOR, 0, nothing);
   const auto draw = [&](const MeshBuffers::Corners& corners, const Pose& pose, unsigned first) {
     if (corners.count == 0) return;
-    set_projection(p, in, pose);
+    set_projection(p, *in.camera, pose);
     glUniform1ui(p.uniform("first"), first);
     glBindVertexArray(corners.vertex_array);
     glDrawArrays(GL_TRIANGLES, 0, corners.count);
@@ -212,17 +187,16 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
   const GlossyVariant glossy = glossy_variant(m, in.lighting.glossy);
   const bool matte = glossy == GlossyVariant::matte || glossy == GlossyVariant::nearly_matte;
   const Irradiance& e = in.lighting.irradiance;
-  const int variant =
-      lit(m.diffuse) || matte ? (gpu.bake_all() ? kBaked : diffuse_variant(e.method)) : 0;
-  const Program& p =
-      gpu.use("shade", {"DIFFUSE " + std::to_string(variant),
-                        "GLOSSY " + std::to_string(int(glossy)), paper ? "PAPER 1" : "PAPER 0",
-                        "HOLDOUT 0", colors(in.scene), box(in.lighting), distortion(*in.camera)});
+  const int variant = lit(m.diffuse) || matte ? irradiance_variant(gpu, e.method) : 0;
+  const Program& p = gpu.use(
+      "shade", {"DIFFUSE " + std::to_string(variant), "GLOSSY " + std::to_string(int(glossy)),
+                paper ? "PAPER 1" : "PAPER 0", "HOLDOUT 0", by_pixel(), colors(in.scene),
+                box(in.lighting), distortion(*in.camera)});
   set_surroundings(p, in.lighting);
   set(p, "emission", m.emission);
   set(p, "diffuse_albedo", m.diffuse);
   set(p, "glossy_albedo", m.glossy);
-  set_irradiance(gpu, light, p, variant, e);
+  light.set_irradiance(gpu, p, variant, e);
   switch (glossy) {
     case GlossyVariant::none:
     case GlossyVariant::matte:
@@ -268,9 +242,7 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
 void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) {
   const PbrMaterial& m = *in.scene.material.pbr;
   const Irradiance& e = in.lighting.irradiance;
-  const int variant = !in.scene.material.reads_irradiance() ? 0
-                      : gpu.bake_all()                      ? kBaked
-                                                            : diffuse_variant(e.method);
+  const int variant = in.scene.material.reads_irradiance() ? irradiance_variant(gpu, e.method) : 0;
   const auto has = [](const char* name, bool there) {
     return name + std::string(there ? " 1" : " 0");
   };
@@ -282,18 +254,19 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
     light.upload_radiance(gpu, in.lighting.radiance);
   material_.upload(gpu, in.scene.material);
   const Program& p = gpu.use(
-      "shade", {"DIFFUSE " + std::to_string(variant),
-                chain     ? "GLOSSY 7"
-                : sampled ? "GLOSSY 8"
-                          : "GLOSSY 6",
-                "PAPER 0", "HOLDOUT 0", has("BASE_COLOR_MAP", m.base_color_map != nullptr),
-                has("METALLIC_MAP", m.metallic_map != nullptr),
-                has("ROUGHNESS_MAP", m.roughness_map != nullptr),
-                has("EMISSION_MAP", m.emission_map != nullptr),
-                has("NORMAL_MAP", m.normal_map != nullptr), has("ANISOTROPIC", m.anisotropy > 0),
-                colors(in.scene), box(in.lighting), distortion(*in.camera)});
+      "shade",
+      {"DIFFUSE " + std::to_string(variant),
+       chain     ? "GLOSSY 7"
+       : sampled ? "GLOSSY 8"
+                 : "GLOSSY 6",
+       "PAPER 0", "HOLDOUT 0", by_pixel(), has("BASE_COLOR_MAP", m.base_color_map != nullptr),
+       has("METALLIC_MAP", m.metallic_map != nullptr),
+       has("ROUGHNESS_MAP", m.roughness_map != nullptr),
+       has("EMISSION_MAP", m.emission_map != nullptr), has("NORMAL_MAP", m.normal_map != nullptr),
+       has("ANISOTROPIC", m.anisotropy > 0), colors(in.scene), box(in.lighting),
+       distortion(*in.camera)});
   set_surroundings(p, in.lighting);
-  set_irradiance(gpu, light, p, variant, e);
+  light.set_irradiance(gpu, p, variant, e);
   glUseProgram(p.id());
   if (chain)
     light.bind_lobes(gpu, p, in.lighting);
@@ -316,47 +289,23 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   draw_layer(gpu, p, in);
 }
 
-void ShadePass::set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
-                               const Irradiance& e) {
-  if (variant == kBaked) {
-    light.upload_baked(gpu, e);
-    light.bind_baked(gpu, p);
-  } else if (variant == kLobes) {
-    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-    glUniform3fv(p.uniform("lobes"), kMostLobes, &e.lobes.axes[0].x);
-    glUniform2i(p.uniform("lobe_counts"), e.lobes.counts[0], e.lobes.count());
-    glUniform3fv(p.uniform("lobe_colours"), 2, &e.lobes.colours[0].x);
-  } else if (e.method == DiffuseMethod::sh9) {
-    glUniform3fv(p.uniform("light"), 9, &e.polynomial[0].x);
-  } else {
-    glUniform3fv(p.uniform("light"), 6, &e.faces[0].x);
-  }
-}
-
 // The holdouts' ratios, where holdouts are seen.
 void ShadePass::draw_holdout(Gpu& gpu, const RenderInput& in) {
   gpu.allocate(holdout_, GL_RGBA32F, visible_.width, visible_.height, GL_RGBA, GL_FLOAT);
   const Program& p = gpu.use("shade", {"HOLDOUT 1", "DIFFUSE 0", "GLOSSY 0", "PAPER 0", "COLORS 0",
-                                       "BOX 0", distortion(*in.camera)});
-  set_projection(p, in, in.camera_from_marker);
-  gpu.bind("visible", visible_);
-  holdout_mesh_.bind(gpu);
-  glUniform1i(p.uniform("backs"), holdout_mesh_.backs());
-  glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
+                                       "BOX 0", "BY_PIXEL 0", distortion(*in.camera)});
+  constexpr float kFlat = -2;  // holdouts have no lobe, by which parts are told apart
+  PixelParts{holdout_mesh_, visible_, area_}.bind(gpu, p, *in.camera, in.camera_from_marker, kFlat);
   gpu.target(0, holdout_);
   gpu.draw_full_screen(area_.width(), area_.height());
 }
 
 void ShadePass::draw_layer(Gpu& gpu, const Program& p, const RenderInput& in) {
-  set_projection(p, in, camera_from_object(in));
+  parts().bind(gpu, p, *in.camera, camera_from_object(in), curved_cosine(in.scene.material));
+  if (shares_by_pixel_) pixel_shares_.bind(gpu, p, area_);  // in the place of the mesh's
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   set(p, "marker_from_object_shift", glm::vec3(in.scene.marker_from_object.translation));
-  glUniform1f(p.uniform("curved_cosine"), curved_cosine(in.scene.material));
   if (mesh_.colors() > 0) glUniform1i(p.uniform("colors"), mesh_.colors());
-  gpu.bind("visible", visible_);
-  mesh_.bind(gpu);
-  glUniform1i(p.uniform("backs"), mesh_.backs());
-  glUniform2i(p.uniform("corner"), area_.x0, area_.y0);
   gpu.target(0, object_);
   gpu.draw_full_screen(area_.width(), area_.height());
 }

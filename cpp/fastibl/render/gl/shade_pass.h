@@ -6,6 +6,8 @@
 #include "fastibl/render/gl/material_textures.h"
 #include "fastibl/render/gl/mesh_buffers.h"
 #include "fastibl/render/gl/outline.h"
+#include "fastibl/render/gl/pixel_parts.h"
+#include "fastibl/render/gl/pixel_shares.h"
 #include "fastibl/render/renderer.h"
 
 namespace fastibl {
@@ -34,12 +36,14 @@ class ShadePass {
   ObjectLayer read(Gpu& gpu, const Texture& texture) const;
   void draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& in);
   void draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in);
-  void set_irradiance(Gpu& gpu, LightTextures& light, const Program& p, int variant,
-                      const Irradiance& irradiance);
   void draw_layer(Gpu& gpu, const Program& p, const RenderInput& in);
+  PixelParts parts() const { return {mesh_, visible_, area_}; }
+  const char* by_pixel() const { return shares_by_pixel_ ? "BY_PIXEL 1" : "BY_PIXEL 0"; }
 
   MeshBuffers mesh_, holdout_mesh_;
   bool has_holdout_ = false;
+  PixelShares pixel_shares_;
+  bool shares_by_pixel_ = false;  // of the object; from pixel_shares_
   MaterialTextures material_;
   Texture visible_, object_, holdout_, albedo_;
   int scale_ = 1;  // how many times as large as the picture the last textures are

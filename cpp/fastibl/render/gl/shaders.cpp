@@ -107,6 +107,16 @@ void set(const Program& p, const char* name, const glm::mat3& m) {
   glUniformMatrix3fv(p.uniform(name), 1, GL_FALSE, &m[0][0]);
 }
 
+std::string distortion(const Camera& camera) {
+  return Lens(camera).trivial() ? "DISTORTION 0" : "DISTORTION 1";
+}
+
+void set_projection(const Program& p, const Camera& camera, const Pose& camera_from_mesh) {
+  set(p, "camera_from_object", glm::mat3(camera_from_mesh.rotation));
+  set(p, "camera_from_object_shift", glm::vec3(camera_from_mesh.translation));
+  set_camera(p, camera);
+}
+
 void set_camera(const Program& p, const Camera& c) {
   glUniform4f(p.uniform("intrinsics"), float(c.fx), float(c.fy), float(c.cx), float(c.cy));
   float k[8] = {};

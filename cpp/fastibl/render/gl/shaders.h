@@ -35,6 +35,9 @@ class Program {
 // For the program in use.
 void set(const Program& p, const char* name, glm::vec3 v);
 void set(const Program& p, const char* name, const glm::mat3& m);
+// The variant, and the uniforms, of shared/projection.glsl.
+std::string distortion(const Camera& camera);
+void set_projection(const Program& p, const Camera& camera, const Pose& camera_from_mesh);
 void set_camera(const Program& p, const Camera& c);
 
 }  // namespace fastibl

@@ -1,0 +1,56 @@
+// What the object hides of its light from single pixels, for the shade pass. Private to render/gl.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "fastibl/render/gl/gpu.h"
+#include "fastibl/render/gl/light_textures.h"
+#include "fastibl/render/gl/pixel_parts.h"
+#include "fastibl/render/renderer.h"
+#include "fastibl/scene/bvh.h"
+#include "fastibl/scene/material.h"
+#include "fastibl/scene/methods.h"
+#include "fastibl/scene/vertex_visibility.h"
+#include "fastibl/shading/hidden_masks.h"
+#include "fastibl/shading/lobe_cells.h"
+#include "fastibl/shading/traced_lights.h"
+
+namespace fastibl {
+
+class PixelShares {
+ public:
+  static bool has(SelfShadowMethod method) { return has_pixel_lobes(method); }
+  // Finds the shares of all parts of pixels, see pixel_shares.frag.glsl. Returns whether there are
+  // any: where there are none, those between the corners of triangles are right.
+  bool find(Gpu& gpu, LightTextures& light, const PixelParts& parts, const RenderInput& in);
+  // Binds those of the last find(), for the program in use.
+  void bind(Gpu& gpu, const Program& p, const Area& area) const;
+
+ private:
+  void upload(Gpu& gpu, const Scene& scene, const std::optional<LobeCells>& lobe, bool rays);
+  void upload_entries(Gpu& gpu, const Scene& scene, bool rays);
+  void upload_tree(Gpu& gpu, const Bvh& bvh);
+  void upload_bright(Gpu& gpu, const BrightCells& cells);
+  void bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe, const LobeShape& shape);
+  void set_tiles(const Program& p, const Area& area) const;
+  void bind_rays(Gpu& gpu, const Program& p, const RenderInput& in);
+
+  Texture entries_, lobe_masks_, lobe_cells_, tree_, bright_, self_shares_, shares_;
+  int columns_ = 2;  // of tiles in shares_
+  EntryCells known_;
+  HiddenMasks masks_;
+  // What is in the textures.
+  struct Uploaded {
+    std::shared_ptr<const VertexVisibility> visibility;
+    std::shared_ptr<const Bvh> bvh;
+    int mask_size = 0;
+    bool rays = false;
+    bool operator==(const Uploaded&) const = default;
+  } uploaded_;
+  std::vector<glm::vec4> own_;  // those in self_shares_
+};
+
+}  // namespace fastibl

@@ -1,0 +1,176 @@
+#version 300 es
+// The shares of the light that reach each part of a pixel, in place of those between the corners of its triangle: the
+// same as shading/traced_lights.cpp and shading/glossy_shares.cpp. See shared/part_tiles.glsl for the target. Variants:
+//   DIFFUSE      see shared/irradiance.glsl
+//   LOBE         0 none, 1 Blinn's, 2 GGX's
+//   RAYS         1: to the brightest cells of the light
+//   DISTORTION   1: the camera has a lens model
+#include "shared/precision.glsl"
+#include "shared/lighting.glsl"
+#include "shared/projection.glsl"
+#include "shared/pixel_parts.glsl"
+#include "shared/part_tiles.glsl"
+#include "shared/irradiance.glsl"
+#if LOBE
+#include "shared/glossy.glsl"
+#include "shared/lobe_cells.glsl"
+#endif
+#if RAYS
+#include "shared/tree.glsl"
+#include "shared/bright_cells.glsl"
+uniform mat3 marker_from_object;
+uniform float ray_offset;
+uniform sampler2D self_shares;  // of the map alone, by entry, where `shares` has more
+uniform bool has_others;
+#endif
+
+uniform highp usampler2D entries;  // four texels each, see Corner
+uniform int back_entries;         // where those of the vertices' backs begin; 0: there are none
+uniform int own_vertices;         // the others are on a triangle, whose first two weights they have
+uniform vec3 eye;                 // object's frame
+layout(location = 0) out vec4 share;
+
+// What a corner of a whole triangle knows.
+struct Corner {
+  vec3 position, normal;             // on the visible side
+  vec3 origin;                       // start of its rays, without offset
+  int masks;                         // where its masks begin
+  uvec2 hidden, low, open, mixed;    // of the bright cells, a bit for each: see CellStates
+};
+
+Corner corner_of(int vertex, bool behind) {
+  int at = 4 * (behind ? vertex + back_entries : vertex);
+  uvec4 a = texelFetch(entries, texel(at), 0), b = texelFetch(entries, texel(at + 1), 0),
+        c = texelFetch(entries, texel(at + 2), 0), d = texelFetch(entries, texel(at + 3), 0);
+  vec3 normal = uintBitsToFloat(d.xyz);
+  return Corner(texelFetch(vertices, texel(2 * vertex), 0).xyz, behind && back_entries == 0 ? -normal : normal,
+                uintBitsToFloat(c.xyz), int(c.w), a.xy, a.zw, b.xy, b.zw);
+}
+
+// Weights between the corners of a whole triangle.
+vec3 weights_of(int vertex, ivec3 corners) {
+  if (vertex < own_vertices) return vec3(equal(corners, ivec3(vertex)));
+  vec2 w = vec2(texelFetch(vertices, texel(2 * vertex), 0).w, texelFetch(vertices, texel(2 * vertex + 1), 0).w);
+  return vec3(w, 1.0 - w.x - w.y);
+}
+
+bool has_bit(uvec2 bits, int i) { return ((i < 32 ? bits.x >> uint(i) : bits.y >> uint(i - 32)) & 1u) != 0u; }
+
+vec4 part_share(Part part, ivec2 pixel) {
+  vec4 result = interpolated_share(part);
+  ivec3 index = part.index;
+  vec3 w = part.w;
+  int whole = texelFetch(triangles, texel(part.triangle - 1), 0).w;
+  if (whole > 0) {
+    index = texelFetch(triangles, texel(whole - 1), 0).xyz;
+    w = mat3(weights_of(part.index.x, index), weights_of(part.index.y, index), weights_of(part.index.z, index)) * w;
+  }
+  w = max(w, vec3(0.0));
+  w /= w.x + w.y + w.z;
+  Corner a = corner_of(index.x, part.behind), b = corner_of(index.y, part.behind), c = corner_of(index.z, part.behind);
+  vec3 n = part_normal(part, mat3(1.0));
+  vec3 at = part.w.x * part.a + part.w.y * part.b + part.w.z * part.c;
+  bool touched = result.a < 1.0 - 1e-6;
+#if RAYS
+  uvec2 hidden = (a.hidden & ~a.low) | (b.hidden & ~b.low) | (c.hidden & ~c.low);
+  uvec2 asked = a.mixed | b.mixed | c.mixed | (hidden & (a.open | b.open | c.open));
+#if DIFFUSE
+  bool asks = (asked.x | asked.y) != 0u;
+#else
+  const bool asks = false;
+#endif
+#if !LOBE
+  touched = false;
+#endif
+  if (!asks && !touched) return result;
+
+  // Rays start on the round surface that the normals describe: Hanika 2021, Hacking the Shadow Terminator.
+  vec3 starts[4];
+  starts[0] = w.x * (a.origin - min(dot(at - a.position, a.normal), 0.0) * a.normal) +
+              w.y * (b.origin - min(dot(at - b.position, b.normal), 0.0) * b.normal) +
+              w.z * (c.origin - min(dot(at - c.position, c.normal), 0.0) * c.normal) + ray_offset * n;
+  bool several = part.count == 4.0;
+  if (several) {
+    const float kLift = 0.3;  // towards the eye, which sees the sample: the surface may bend towards it, too
+    vec3 middle = starts[0];
+    for (int k = 0; k < 4; ++k) {
+      vec3 u = corner_weights(part.pa, part.pb, part.pc, vec2(pixel) + vec2(kSampleX[k], kSampleY[k]) / 256.0);
+      vec3 place = u.x * part.a + u.y * part.b + u.z * part.c, beside = place - at;
+      starts[k] = middle + beside - kLift * length(beside) * normalize(place - eye);
+    }
+  }
+
+#if DIFFUSE
+  vec3 e = irradiance(marker_from_object * n);
+  mat3 corner_e = mat3(irradiance(marker_from_object * a.normal), irradiance(marker_from_object * b.normal),
+                       irradiance(marker_from_object * c.normal));
+  vec3 back = vec3(0.0), lost = vec3(0.0);
+#endif
+#if LOBE
+  vec3 view = normalize(eye - at);
+  vec2 sums = vec2(0.0);
+#endif
+  const float kLow = -0.05;  // cosine below which a cell counts as below the horizon
+  for (int i = 0; i < bright_cells; ++i) {
+    bool is_asked = has_bit(asked, i);
+    if (!is_asked && !touched) continue;
+    BrightCell cell = bright_cell(i);
+    bool known_hidden = has_bit(hidden, i);
+    SeenCell seen = SeenCell(known_hidden ? 0u : 0xffffffffu, known_hidden ? 1.0 : 0.0);
+    if (is_asked && dot(n, cell.direction) > kLow) seen = look_at(cell, starts, several);
+#if DIFFUSE
+    if (is_asked) {
+      if (has_bit(a.hidden, i)) back += w.x * share_of(a.normal * cell.moments, corner_e[0]);
+      if (has_bit(b.hidden, i)) back += w.y * share_of(b.normal * cell.moments, corner_e[1]);
+      if (has_bit(c.hidden, i)) back += w.z * share_of(c.normal * cell.moments, corner_e[2]);
+      lost += seen.lost * share_of(max(n * cell.moments, vec3(0.0)), e);
+    }
+#endif
+#if LOBE
+    for (int r = 0; r < cell.count && touched; ++r) {
+      float weight = ray_height(n, view, bright_ray(cell.first + r)) * cell.flux;
+      sums += weight * vec2(1.0, 1.0 - float((seen.free >> uint(r)) & 1u));
+    }
+#endif
+  }
+#if DIFFUSE
+  if (asks) {
+    vec3 others = vec3(0.0);  // what is not the map's
+    if (has_others) {
+      ivec3 of = part.behind ? index + back_entries : index;
+      others = result.rgb - (w.x * texelFetch(self_shares, texel(of.x), 0).rgb +
+                             w.y * texelFetch(self_shares, texel(of.y), 0).rgb +
+                             w.z * texelFetch(self_shares, texel(of.z), 0).rgb);
+    }
+    vec3 before = result.rgb - others;
+    vec3 change = min(back, max(1.0 - before, vec3(0.0))) - lost;
+    result.rgb = max(clamp(before + change, 0.0, 1.0) + others, vec3(0.0));
+  }
+#endif
+#if LOBE
+  if (touched) result.a = share_of_lobe(sums + cell_sums(n, view, ivec3(a.masks, b.masks, c.masks), w));
+#endif
+#else
+#if LOBE
+  if (touched)
+    result.a = share_of_lobe(cell_sums(n, normalize(eye - at), ivec3(a.masks, b.masks, c.masks), w));
+#endif
+#endif
+  return result;
+}
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy), place = at / tile, local = at - tile * place;
+  int mine = place.x + columns * place.y;
+  uvec4 shown = texelFetch(visible, local, 0);
+  shown *= 1u - (shown >> 31u);  // real objects have no shares
+  bvec4 left = notEqual(shown, uvec4(0u));
+  share = vec4(1.0);
+  if (!left[mine]) return;
+  while (any(left)) {
+    Part part = next_part(shown, local + corner, left);
+    if (part.first < mine) continue;
+    if (part.first == mine) share = part_share(part, local + corner);
+    return;
+  }
+}

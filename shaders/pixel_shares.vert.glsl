@@ -1,0 +1,2 @@
+#version 300 es
+#include "shared/full_screen.glsl"
