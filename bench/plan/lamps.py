@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import fastibl
 from fastibl import reference
+from fastibl.gl_device import gl_device
 
 from .. import brute, inputs, measure
 from ..goals import Goal, percent, row, skipped
@@ -26,6 +27,7 @@ from ..shadows.sky import pieces
 from . import cases, render, truth
 
 MESHES = ("spot", "stanford-bunny", "teapot", "suzanne")
+_BY_GL = "traced-lights by GL"
 METHODS = ("none", "ambient-occlusion", "transfer", "pixel-transfer", "traced-lights", "traced")
 MATTE = fastibl.Material(diffuse=(0.8, 0.8, 0.8))
 METAL = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.8, 0.8, 0.8), exponent=64)
@@ -98,7 +100,13 @@ def true_light(name: str, light: str) -> NDArray[np.float64]:
 
 
 def session(
-    name: str, light: str, material: fastibl.Material, method: str, camera: fastibl.Camera, taps: int
+    name: str,
+    light: str,
+    material: fastibl.Material,
+    method: str,
+    camera: fastibl.Camera,
+    taps: int,
+    backend: str = "cpu",
 ) -> fastibl.Session:
     methods: dict[str, str | fastibl.Method] = {
         "self_shadow": method,
@@ -106,14 +114,16 @@ def session(
         "diffuse": fastibl.Method("irradiance-cube", size=32, source=32),
         "glossy": fastibl.Method("sampled", taps=taps),
     }
-    made = fastibl.Session(cases.scene(name), fastibl.Rig(camera), None, lights()[light], methods=methods)
+    made = fastibl.Session(
+        cases.scene(name), fastibl.Rig(camera), None, lights()[light], methods=methods, backend=backend
+    )
     made.set_material(material)
     return made
 
 
-def drawn(name: str, light: str, material: fastibl.Material, method: str) -> NDArray[np.float64]:
+def drawn(name: str, light: str, material: fastibl.Material, method: str, backend: str = "cpu") -> NDArray[np.float64]:
     """(p, 3): radiance of the pixels."""
-    made = session(name, light, material, method, cases.camera(), 1024)
+    made = session(name, light, material, method, cases.camera(), 1024, backend)
     made.process(fastibl.Frame(0.0, back_from_marker=cases.pose()))
     return render.picture(made).object.reshape(-1, 4)[chosen(name)[0], :3]
 
@@ -140,26 +150,29 @@ def times(name: str, light: str, material: fastibl.Material) -> dict[str, float]
 
 @row("shadow", "self-shadow: pictures under lamps")
 def lamps() -> Iterator[Goal]:
-    what = "pixels with the object's own shadow under lamps, RMS by their mean"
+    pixels = "pixels with the object's own shadow under lamps, RMS by their mean"
     if reason := missing():
-        yield skipped(what, reason)
+        yield skipped(pixels, reason)
         return
+    _, no_gl = gl_device()
     for k, (kind, material) in enumerate((("matte", MATTE), ("metal, exponent 64", METAL))):
-        error: dict[str, list[float]] = {m: [] for m in METHODS}
+        error: dict[str, list[float]] = {m: [] for m in (*METHODS, _BY_GL)}
         notes = []
         for light in lights():
             for name in MESHES:
                 white = float(lights()[light].faces[5].mean()) / cases.TABLE
                 true = np.minimum(true_light(name, light)[k], white)
                 mine = {m: np.minimum(drawn(name, light, material, m), white) for m in METHODS}
+                if not no_gl:
+                    mine[_BY_GL] = np.minimum(drawn(name, light, material, "traced-lights", "gl"), white)
                 off = {m: float(np.sqrt(((p - true) ** 2).mean()) / true.mean()) for m, p in mine.items()}
-                for m in METHODS:
-                    error[m].append(off[m])
+                for m, e in off.items():
+                    error[m].append(e)
                 notes.append(f"{name}, {light}: " + ", ".join(f"{m} {percent(e)}" for m, e in off.items()))
-        mean = {m: float(np.mean(e)) for m, e in error.items()}
+        mean = {m: float(np.mean(e)) for m, e in error.items() if e}
         cost = {light: times("spot", light, material) for light in lights()}
         yield Goal(
-            f"{kind}: {what}, mean of {len(MESHES)} meshes and {len(lights())} lights: traced-lights",
+            f"{kind}: {pixels}, mean of {len(MESHES)} meshes and {len(lights())} lights: traced-lights",
             percent(mean["traced-lights"]),
             f"half of transfer's ({percent(mean['transfer'])})",
             mean["traced-lights"] <= 0.5 * mean["transfer"],
@@ -173,4 +186,14 @@ def lamps() -> Iterator[Goal]:
                     for light, of in cost.items()
                 ),
             ),
+        )
+        what = f"{kind}: the same by the GL back end"
+        if no_gl:
+            yield skipped(what, no_gl)
+            continue
+        yield Goal(
+            what,
+            percent(mean[_BY_GL]),
+            f"within 2 % of the CPU's ({percent(mean['traced-lights'])})",
+            abs(mean[_BY_GL] / mean["traced-lights"] - 1) <= 0.02,
         )
