@@ -56,6 +56,12 @@ vec3 weights_of(int vertex, ivec3 corners) {
 
 bool has_bit(uvec2 bits, int i) { return ((i < 32 ? bits.x >> uint(i) : bits.y >> uint(i - 32)) & 1u) != 0u; }
 
+#if RAYS && LOBE
+float middle_weight(BrightCell cell, vec3 n, vec3 view) {
+  return square_height(n, view, cell.direction, cell_width) * float(cell.count) * cell.flux;
+}
+#endif
+
 vec4 part_share(Part part, ivec2 pixel) {
   vec4 result = interpolated_share(part);
   ivec3 index = part.index;
@@ -109,12 +115,25 @@ vec4 part_share(Part part, ivec2 pixel) {
 #if LOBE
   vec3 view = normalize(eye - at);
   vec2 sums = vec2(0.0);
+  float least = 0.0;  // of a cell that counts in the lobe: a thousandth of all
+  if (touched) {
+    sums = cell_sums(n, view, ivec3(a.masks, b.masks, c.masks), w);
+    float all = sums.x;
+    for (int i = 0; i < bright_cells; ++i) all += middle_weight(bright_cell(i), n, view);
+    least = 0.001 * all;
+  }
 #endif
   const float kLow = -0.05;  // cosine below which a cell counts as below the horizon
   for (int i = 0; i < bright_cells; ++i) {
     bool is_asked = has_bit(asked, i);
     if (!is_asked && !touched) continue;
     BrightCell cell = bright_cell(i);
+#if LOBE
+    bool counts = touched && middle_weight(cell, n, view) > least;
+#if !DIFFUSE
+    if (!counts) continue;
+#endif
+#endif
     bool known_hidden = has_bit(hidden, i);
     SeenCell seen = SeenCell(known_hidden ? 0u : 0xffffffffu, known_hidden ? 1.0 : 0.0);
     if (is_asked && dot(n, cell.direction) > kLow) seen = look_at(cell, starts, several);
@@ -127,7 +146,7 @@ vec4 part_share(Part part, ivec2 pixel) {
     }
 #endif
 #if LOBE
-    for (int r = 0; r < cell.count && touched; ++r) {
+    for (int r = 0; r < cell.count && counts; ++r) {
       float weight = ray_height(n, view, bright_ray(cell.first + r)) * cell.flux;
       sums += weight * vec2(1.0, 1.0 - float((seen.free >> uint(r)) & 1u));
     }
@@ -148,7 +167,7 @@ vec4 part_share(Part part, ivec2 pixel) {
   }
 #endif
 #if LOBE
-  if (touched) result.a = share_of_lobe(sums + cell_sums(n, view, ivec3(a.masks, b.masks, c.masks), w));
+  if (touched) result.a = share_of_lobe(sums);
 #endif
 #else
 #if LOBE

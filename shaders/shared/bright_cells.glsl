@@ -2,6 +2,7 @@
 uniform sampler2D bright;  // four texels a cell: direction, first ray; light by channel, rays, first rays, flux of a ray.
                            // Then the rays' directions. All in the object's frame.
 uniform int bright_cells;
+uniform float cell_width;  // radians
 
 struct BrightCell {
   vec3 direction;

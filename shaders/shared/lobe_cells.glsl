@@ -53,6 +53,18 @@ float ray_height(vec3 n, vec3 v, vec3 d) {
 #endif
 }
 
+// The same towards the middle of a square of this width (radians): the lobe is taken to be wider by about half of it.
+float square_height(vec3 n, vec3 v, vec3 d, float width) {
+  float cosine = max(dot(n, d), 0.0), nv = dot(n, v), length2 = max(2.0 + 2.0 * dot(d, v), 1e-4);
+  float half2 = min((cosine + nv) * (cosine + nv) / length2, 1.0), variance = width * width / length2;
+#if LOBE == 2
+  return ggx_height(cosine, half2, max(nv, 1e-3), min(lobe_alpha2 + 2.0 * variance, 1.0), 1e-9);
+#else
+  float logarithm = squared_angle(max(sqrt(half2), 1e-3));
+  return cosine * falling_exponential(0.5 * logarithm / (1.0 / max(lobe_exponent, 1e-3) + variance));
+#endif
+}
+
 // Lobe times flux, of all cells and of those that are hidden. masks: where those of three corners begin.
 vec2 cell_sums(vec3 n, vec3 view, ivec3 masks, vec3 weights) {
   const float kGrazing = 0.02;

@@ -172,9 +172,7 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
            (w.glossy && transfer ? c.vertex_group * w.lobe_groups * w.entries : 0);
       if (m.self_shadow == SelfShadowMethod::traced) ns += c.traced_pixel * w.object_pixels;
       if (m.self_shadow == SelfShadowMethod::traced_lights)
-        ns += (c.light_ray * w.rays.traced +
-               (w.glossy ? kTouched * c.bright_ray * w.rays.bright : 0)) *
-              w.object_pixels;
+        ns += (c.light_ray * w.rays.traced + c.bright_ray * w.rays.summed) * w.object_pixels;
       if (has_pixel_lobes(m.self_shadow) && w.glossy)
         ns += c.pixel_group * w.lobe_groups * kTouched * w.object_pixels;
       break;

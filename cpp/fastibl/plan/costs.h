@@ -42,7 +42,7 @@ const std::array<CostField, 41>& cost_fields();
 // The rays of SelfShadowMethod::traced_lights.
 struct LightRays {
   double traced = 6;   // in the mean of the object's pixels
-  double bright = 60;  // to all cells of the light, which are summed where a lobe meets the object
+  double summed = 40;  // likewise, of glossy light
 };
 
 // The work in a frame.

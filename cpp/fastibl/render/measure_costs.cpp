@@ -294,16 +294,20 @@ void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance,
   const BrightCells cells(map, light, light_from_map, glm::mat3(1));
   BrightCells::Seen all;
   all.free.assign(cells.rays().size() + kLanes, 1);
-  const LobeHeight height(LobeShape{});
+  const LobeHeight lobe(LobeShape{});
   constexpr int kPlaces = 200;
   float sum = 0;
+  int looked = 0;
+  const std::uint64_t every = (std::uint64_t{2} << (cells.cells().size() - 1)) - 1;
   const double sums = nanoseconds([&](int) {
+    looked = 0;
     for (int k = 0; k < kPlaces; ++k)
-      sum += cells.lobe_sums(all, glm::normalize(glm::vec3(k, 0, kPlaces)), {0, 0, 1}, height).all;
+      sum += cells.lobe_sums(all, glm::normalize(glm::vec3(k, 0, kPlaces)), {0, 0, 1}, lobe,
+                             cells.empty() ? 0 : every, looked)
+                 .all;
   });
   // The sum is never negative.
-  costs.bright_ray =
-      at_least(sum < 0 ? 0 : sums / kPlaces, 1) / at_least(double(cells.rays().size()), 1);
+  costs.bright_ray = at_least(sum < 0 ? 0 : sums, 1) / at_least(double(looked), 1);
 }
 
 void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {

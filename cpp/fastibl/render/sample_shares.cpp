@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 #include <optional>
 #include <span>
 
@@ -106,7 +105,7 @@ LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
   light.update(map, mesh_from_map, visibility.size);
   const BrightCells cells(map, light, mesh_from_map, samples.turned);
   const LightTracer tracer(*samples.bvh, cells, light, irradiance, material, samples.turned);
-  std::vector<int> rays(shares.size(), 0);
+  std::vector<LightTracer::Count> rays(shares.size());
   parallel_for(int(shares.size()), 16, [&](int begin, int end) {
     HiddenCells all(visibility.size);
     const int lobe_size = tracer.mask_size().value_or(visibility.size);
@@ -130,8 +129,9 @@ LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
     }
   });
   const double count = double(std::max<std::size_t>(rays.size(), 1));
-  return {std::accumulate(rays.begin(), rays.end(), 0.0) / count,
-          double(cells.rays().size())};
+  LightRays mean;
+  for (const LightTracer::Count& r : rays) mean.traced += r.traced, mean.summed += r.summed;
+  return {mean.traced / count, mean.summed / count};
 }
 
 void trace_shares(const SceneSamples& samples, const CubeMap& map, const Material& material,

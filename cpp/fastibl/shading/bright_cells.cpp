@@ -16,6 +16,7 @@ constexpr std::size_t kLeastRays = 4, kFirstRays = 8;
 constexpr float kRayShare = 0.005f;  // of all light, for which there is a ray
 // Of cells this bright, nearly grazing light is asked for everywhere: the tangent plane of a vertex
 // differs from that of a place between vertices.
+constexpr float kCounts = 0.001f;  // see counted()
 constexpr float kStrong = 0.1f, kGrazing = 0.1f, kLow = BrightCells::kLow;
 
 bool is_hidden(const HiddenCells::Mask* masks, int cell) {
@@ -139,13 +140,25 @@ BrightCells::BrightCells(const CubeMap& map, const CellLight& light,
       const float part = (float(at) + 0.5f) / float(cell.count);
       const glm::vec3 d = light_from_map * warp.direction(squares[i], part, int(rays_.size()));
       rays_.push_back(rays_from_light * d);
-      x_.push_back(d.x), y_.push_back(d.y), z_.push_back(d.z);
-      flux_.push_back(share / float(cell.count));
+      lit_rays_.add(d, share / float(cell.count));
     }
+    lit_cells_.add(cell.direction, share);
   }
-  while (x_.size() % std::size_t(kLanes) != 0)
-    x_.push_back(x_.back()), y_.push_back(y_.back()), z_.push_back(z_.back()), flux_.push_back(0);
-  none_.assign(x_.size(), 0.0f);
+  lit_rays_.pad(), lit_cells_.pad();
+}
+
+void BrightCells::Lit::add(glm::vec3 d, float f) {
+  x.push_back(d.x), y.push_back(d.y), z.push_back(d.z), flux.push_back(f);
+}
+
+void BrightCells::Lit::pad() {
+  while (x.size() % std::size_t(kLanes) != 0) add({x.back(), y.back(), z.back()}, 0);
+  none.assign(x.size(), 0.0f);
+}
+
+LitDirections BrightCells::Lit::directions(const std::vector<float>& of) const {
+  return {x.data(), y.data(), z.data(), none.data(), {of.data(), none.data(), none.data()},
+          x.size()};
 }
 
 CellStates BrightCells::states(const HiddenCells::Mask* hidden, glm::vec3 normal) const {
@@ -225,7 +238,7 @@ int BrightCells::look(const Bvh& bvh, std::span<const glm::vec3> starts, glm::ve
                       const Corners& corners, std::uint64_t asked, Seen& seen) const {
   std::uint64_t hidden = 0;
   for (const Corner& c : corners) hidden |= c.states.hidden & ~c.states.low;
-  seen.free.resize(x_.size());
+  seen.free.resize(lit_rays_.x.size());
   std::uint64_t traced = 0;
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const Cell& cell = cells_[i];
@@ -268,7 +281,7 @@ int BrightCells::look(const Bvh& bvh, std::span<const glm::vec3> starts, glm::ve
       tracer.ask(several ? (r + 1) % kStarts : 0, cell.first + r);
   });
   std::vector<std::uint8_t>& other = seen.other;
-  other.resize(x_.size());
+  other.resize(lit_rays_.x.size());
   count += tracer.answer([&](std::size_t ray, bool met) { other[ray] = !met; });
   each(partly, [&](std::size_t i, const Cell& cell) {
     std::uint8_t *free = &seen.free[cell.first], *then = &other[cell.first];
@@ -303,14 +316,54 @@ glm::vec3 BrightCells::change(const Seen& seen, glm::vec3 normal, const Corners&
   return glm::min(back, glm::max(1.0f - free, glm::vec3(0))) - lost;
 }
 
+std::uint64_t BrightCells::counted(glm::vec3 normal, glm::vec3 view, const LobeHeight& lobe,
+                                   float rest) const {
+  if (cells_.empty()) return 0;
+  std::array<float, kMost> weights;
+  static_assert(kMost % kLanes == 0);
+  weigh_squares(lit_cells_.directions(lit_cells_.flux), width(), normal, view, lobe,
+                weights.data());
+  float all = rest;
+  for (std::size_t i = 0; i < cells_.size(); ++i) all += weights[i];
+  std::uint64_t result = 0;
+  for (std::size_t i = 0; i < cells_.size(); ++i)
+    if (weights[i] > kCounts * all) result |= std::uint64_t{1} << i;
+  return result;
+}
+
+float BrightCells::width() const { return std::sqrt(4 * kPi) / float(std::max(size_, 1)); }
+
 LobeCells::Sums BrightCells::lobe_sums(const Seen& seen, glm::vec3 normal, glm::vec3 view,
-                                       const LobeHeight& lobe) const {
-  const LitDirections lit{
-      x_.data(), y_.data(), z_.data(), none_.data(), {flux_.data(), none_.data(), none_.data()},
-      x_.size()};
+                                       const LobeHeight& lobe, std::uint64_t counted,
+                                       int& looked) const {
+  thread_local std::vector<float> flux;  // of these cells alone
+  flux.assign(lit_rays_.x.size(), 0);
+  LobeCells::Sums result;
   LightSums sums;
-  sum_light(lit, seen.free.data(), normal, view, lobe, sums);
-  return {sums.open_lobe[0], sums.open_lobe[0] - sums.lobe[0]};
+  const auto add = [&](std::size_t first, std::size_t end) {
+    LitDirections lit = lit_rays_.directions(flux);
+    lit.x += first, lit.y += first, lit.z += first, lit.solid_angles += first;
+    for (const float*& channel : lit.channels) channel += first;
+    lit.count = end - first;
+    sum_light(lit, &seen.free[first], normal, view, lobe, sums);
+    result.all += sums.open_lobe[0], result.lost += sums.open_lobe[0] - sums.lobe[0];
+    looked += int(lit.count);
+  };
+  // Whole Lanes at once, and neighbours together.
+  std::size_t first = 0, end = 0;
+  for (; counted != 0; counted &= counted - 1) {
+    const Cell& cell = cells_[std::size_t(std::countr_zero(counted))];
+    std::copy_n(&lit_rays_.flux[cell.first], cell.count, &flux[cell.first]);
+    constexpr std::size_t lanes = kLanes;
+    const std::size_t from = cell.first / lanes * lanes;
+    if (from > end) {
+      if (end > first) add(first, end);
+      first = from;
+    }
+    end = (cell.first + cell.count + lanes - 1) / lanes * lanes;
+  }
+  if (end > first) add(first, end);
+  return result;
 }
 
 }  // namespace fastibl

@@ -82,17 +82,28 @@ class BrightCells {
   glm::vec3 change(const Seen& seen, glm::vec3 normal, const Corners& corners, glm::vec3 weights,
                    const std::array<glm::vec3, 4>& irradiance, glm::vec3 free,
                    std::uint64_t asked) const;
-  // Sums of all cells' light in a lobe, which LobeCells without them has the rest of.
+  // The cells whose light counts in a lobe: of which a thousandth of what it sees comes. rest: what
+  // it sees of all others, as LobeCells has it without them.
+  std::uint64_t counted(glm::vec3 normal, glm::vec3 view, const LobeHeight& lobe, float rest) const;
+  float width() const;  // of a cell, radians
+  // Sums of these cells' light in a lobe. Adds up how many rays it looked at.
   LobeCells::Sums lobe_sums(const Seen& seen, glm::vec3 normal, glm::vec3 view,
-                            const LobeHeight& lobe) const;
+                            const LobeHeight& lobe, std::uint64_t counted, int& looked) const;
 
  private:
   int size_ = 0;
   std::vector<int> indices_;
   std::vector<Cell> cells_;
   std::vector<glm::vec3> rays_;
-  // In the light's frame, for LitDirections. Flux counts in the first channel alone.
-  std::vector<float> x_, y_, z_, flux_, none_;
+  // In the light's frame, for LitDirections; of rays, and of the middles of cells. Flux counts in
+  // the first channel alone.
+  struct Lit {
+    std::vector<float> x, y, z, flux, none;
+    void add(glm::vec3 direction, float flux);
+    void pad();
+    LitDirections directions(const std::vector<float>& flux) const;
+  };
+  Lit lit_rays_, lit_cells_;
 };
 
 }  // namespace fastibl

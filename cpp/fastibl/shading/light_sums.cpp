@@ -36,6 +36,45 @@ FASTIBL_INLINE void lobe_heights(const LobeHeight& lobe, const Lanes& cosine, co
 }
 
 FASTIBL_CLONES
+void weigh_by_width(const LitDirections& of, float width, const glm::vec3& normal,
+                    const glm::vec3& view, const LobeHeight& lobe, float* weights) {
+  const Lanes none{};
+  const float nv = normal.x * view.x + normal.y * view.y + normal.z * view.z;
+  const float view_cosine = nv > 1e-3f ? nv : 1e-3f, exponent = std::max(lobe.exponent, 1e-3f);
+  for (std::size_t k = 0; k < of.count; k += kLanes) {
+    Lanes dx, dy, dz, light, weight;
+    load(of.x + k, dx), load(of.y + k, dy), load(of.z + k, dz), load(of.channels[0] + k, light);
+    Lanes cosine = dx * normal.x + dy * normal.y + dz * normal.z;
+    // A square that the horizon cuts still has a part above it.
+    cosine = cosine > 0 ? cosine : none;
+    Lanes length2 = 2 + 2 * (dx * view.x + dy * view.y + dz * view.z);
+    length2 = length2 > 1e-4f ? length2 : none + 1e-4f;
+    Lanes half2 = (cosine + nv) * (cosine + nv) / length2;
+    half2 = half2 < 1 ? half2 : none + 1;
+    // The half vector turns by half of what the direction does, and across their plane by that over
+    // v·h, which is half the length.
+    const Lanes variance = width * width / length2;
+    if (lobe.ggx) {
+      Lanes alpha2 = lobe.alpha2 + 2 * variance, root;
+      alpha2 = alpha2 < 1 ? alpha2 : none + 1;
+      const Lanes d = half2 * (alpha2 - 1) + 1;
+      square_root(alpha2 + (1 - alpha2) * cosine * cosine, root);
+      Lanes view_root;
+      square_root(alpha2 + (1 - alpha2) * view_cosine * view_cosine, view_root);
+      weight = cosine / (d * d * (root * view_cosine + view_root * cosine + 1e-9f));
+    } else {
+      Lanes away = 1 - half2, logarithm;
+      away = away < 0.999999f ? away : none + 0.999999f;
+      log1m(away, logarithm);
+      exp_negative(0.5f * logarithm / (1 / exponent + variance), weight);
+      weight *= cosine;
+    }
+    weight *= light;
+    std::memcpy(weights + k, &weight, sizeof weight);
+  }
+}
+
+FASTIBL_CLONES
 void sum_by_width(const LitDirections& of, const std::uint8_t* free, const glm::vec3& normal,
                   const glm::vec3& view, const LobeHeight& lobe, LightSums& out) {
   const Lanes none{};
@@ -105,6 +144,11 @@ LobeHeight::LobeHeight(const std::optional<LobeShape>& shape, float sharpest) {
     alpha2 = 2 / exponent;
   else
     least = std::exp2(std::log2(1e-4f) / std::max(exponent, 1e-3f));
+}
+
+void weigh_squares(const LitDirections& of, float width, const glm::vec3& normal,
+                   const glm::vec3& view, const LobeHeight& lobe, float* weights) {
+  weigh_by_width(of, width, normal, view, lobe, weights);
 }
 
 void sum_light(const LitDirections& of, const std::uint8_t* free, const glm::vec3& normal,

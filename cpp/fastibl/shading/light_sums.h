@@ -40,5 +40,9 @@ struct LightSums {
 // free: for each direction; those below the tangent plane do not count.
 void sum_light(const LitDirections& directions, const std::uint8_t* free, const glm::vec3& normal,
                const glm::vec3& view, const LobeHeight& lobe, LightSums& out);
+// Height of the lobe times the first channel, for each direction; these are the middles of squares,
+// and the lobe is taken to be wider by about half their width (radians).
+void weigh_squares(const LitDirections& directions, float width, const glm::vec3& normal,
+                   const glm::vec3& view, const LobeHeight& lobe, float* weights);
 
 }  // namespace fastibl

@@ -29,10 +29,22 @@ LightTracer::LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLig
     lobe_.emplace(light, *lobe, cells.indices());
 }
 
-int LightTracer::trace(glm::vec4& share, const Place& place, const BrightCells::Corners& corners,
-                       const LobeCells::Corners& between, std::uint64_t asked) const {
+LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
+                                      const BrightCells::Corners& corners,
+                                      const LobeCells::Corners& between,
+                                      std::uint64_t asked) const {
+  const bool glossy = lobe_ && is_touched(share.w);
+  LobeCells::Sums sums;
+  std::uint64_t counted = 0;
+  Count count;
+  if (glossy) {
+    sums = lobe_->sums(place.normal, place.view, between);
+    counted = cells_.counted(place.normal, place.view, height_, sums.all);
+    count.summed = int(cells_.cells().size());
+    if (!diffuse_) asked &= counted;
+  }
   thread_local BrightCells::Seen seen;
-  const int rays = cells_.look(bvh_, place.starts, place.normal, corners, asked, seen);
+  count.traced = cells_.look(bvh_, place.starts, place.normal, corners, asked, seen);
   if (diffuse_ && asked != 0) {
     std::array<glm::vec3, 4> normals, irradiance;
     for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_light_ * corners[k].normal;
@@ -45,13 +57,13 @@ int LightTracer::trace(glm::vec4& share, const Place& place, const BrightCells::
     const glm::vec3 of_map = glm::clamp(before + change, glm::vec3(0), glm::vec3(1));
     share = glm::vec4(glm::max(of_map + place.of_others, glm::vec3(0)), share.w);
   }
-  if (lobe_ && is_touched(share.w)) {
-    LobeCells::Sums sums = lobe_->sums(place.normal, place.view, between);
-    const LobeCells::Sums bright = cells_.lobe_sums(seen, place.normal, place.view, height_);
+  if (glossy) {
+    const LobeCells::Sums bright =
+        cells_.lobe_sums(seen, place.normal, place.view, height_, counted, count.summed);
     sums.all += bright.all, sums.lost += bright.lost;
     share.w = sums.share();
   }
-  return rays;
+  return count;
 }
 
 bool can_ask(const Scene& scene, const CellLight& light, std::span<const glm::vec4> shares) {
@@ -156,9 +168,12 @@ double TracedLights::operator()(const Scene& scene, const CubeMap& map, const Ce
           corners[k] = {states[entries[k]], place.corners[k].normal};
           if (tracer.mask_size()) between.hidden[k] = lobe_masks_.of(entries[k]);
         }
-        rays[std::size_t(i)] += tracer.trace(
-            f.share, {starts.of(f, place), place.normal, places.view(f, eye), shares.of_others(at)},
-            corners, between, asked);
+        rays[std::size_t(i)] += tracer
+                                    .trace(f.share,
+                                           {starts.of(f, place), place.normal, places.view(f, eye),
+                                            shares.of_others(at)},
+                                           corners, between, asked)
+                                    .traced;
       }
   });
   return std::accumulate(rays.begin(), rays.end(), 0.0);

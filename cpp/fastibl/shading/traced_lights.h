@@ -44,9 +44,13 @@ class LightTracer {
   // Changes a share that was interpolated between the corners' shares: of the irradiance (RGB)
   // where light is asked for, see BrightCells::unsure(); and of glossy light, by the place's own
   // lobe, where the corners' lobes meet the object. between: with what is hidden from the corners
-  // in cells of mask_size(), where there is a lobe. Returns how many rays it traced.
-  int trace(glm::vec4& share, const Place& place, const BrightCells::Corners& corners,
-            const LobeCells::Corners& between, std::uint64_t asked) const;
+  // in cells of mask_size(), where there is a lobe.
+  struct Count {
+    int traced = 0;  // rays
+    int summed = 0;  // of glossy light, by rays and middles of cells
+  };
+  Count trace(glm::vec4& share, const Place& place, const BrightCells::Corners& corners,
+              const LobeCells::Corners& between, std::uint64_t asked) const;
   // Whether trace() does anything.
   bool changes(glm::vec4 share, std::uint64_t asked) const {
     return (diffuse_ && asked != 0) || (lobe_ && is_touched(share.w));

@@ -175,8 +175,8 @@ void PixelShares::bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe,
   glUniform1f(p.uniform("cell_alpha2"), lobe.alpha2());
   const LobeHeight height(shape, LightTracer::kSharpest);
   glUniform1f(p.uniform("lobe_exponent"), height.exponent);
-  glUniform1f(p.uniform("lobe_alpha2"), height.alpha2);
   glUniform1f(p.uniform("lobe_least"), height.least);
+  glUniform1f(p.uniform("lobe_alpha2"), height.alpha2);
 }
 
 void PixelShares::bind_rays(Gpu& gpu, const Program& p, const RenderInput& in) {
@@ -184,6 +184,7 @@ void PixelShares::bind_rays(Gpu& gpu, const Program& p, const RenderInput& in) {
   gpu.bind("bright", bright_);
   glUniform1i(p.uniform("tree_nodes"), int(in.scene.bvh->nodes().size()));
   glUniform1i(p.uniform("bright_cells"), int(known_.cells().cells().size()));
+  glUniform1f(p.uniform("cell_width"), known_.cells().width());
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   glUniform1f(p.uniform("ray_offset"), ray_offset(in.scene.mesh));
   const bool others =
