@@ -56,72 +56,103 @@ vec3 weights_of(int vertex, ivec3 corners) {
 
 bool has_bit(uvec2 bits, int i) { return ((i < 32 ? bits.x >> uint(i) : bits.y >> uint(i - 32)) & 1u) != 0u; }
 
-#if RAYS && LOBE
+// Where a part is on its whole triangle, in the object's frame.
+struct Place {
+  ivec3 index;    // of the vertices
+  vec3 w;         // weights of the corners
+  Corner a, b, c;
+  vec3 position, normal;
+};
+
+Place place_of(Part part) {
+  Place at;
+  at.index = part.index;
+  at.w = part.w;
+  int whole = texelFetch(triangles, texel(part.triangle - 1), 0).w;
+  if (whole > 0) {
+    at.index = texelFetch(triangles, texel(whole - 1), 0).xyz;
+    at.w = mat3(weights_of(part.index.x, at.index), weights_of(part.index.y, at.index),
+                weights_of(part.index.z, at.index)) * part.w;
+  }
+  at.w = max(at.w, vec3(0.0));
+  at.w /= at.w.x + at.w.y + at.w.z;
+  at.a = corner_of(at.index.x, part.behind);
+  at.b = corner_of(at.index.y, part.behind);
+  at.c = corner_of(at.index.z, part.behind);
+  at.position = part.w.x * part.a + part.w.y * part.b + part.w.z * part.c;
+  at.normal = part_normal(part, mat3(1.0));
+  return at;
+}
+
+#if RAYS
+// Where rays start: on the round surface that the normals describe (Hanika 2021, Hacking the Shadow Terminator), in the
+// middle of a part, or at its four samples. Returns whether there are four.
+bool ray_starts(Part part, ivec2 pixel, Place at, out vec3 starts[4]) {
+  vec3 p = at.position;
+  vec3 middle = at.w.x * (at.a.origin - min(dot(p - at.a.position, at.a.normal), 0.0) * at.a.normal) +
+                at.w.y * (at.b.origin - min(dot(p - at.b.position, at.b.normal), 0.0) * at.b.normal) +
+                at.w.z * (at.c.origin - min(dot(p - at.c.position, at.c.normal), 0.0) * at.c.normal) +
+                ray_offset * at.normal;
+  starts = vec3[4](middle, middle, middle, middle);
+  if (part.count < 4.0) return false;
+  const float kLift = 0.3;  // towards the eye, which sees the sample: the surface may bend towards it, too
+  for (int k = 0; k < 4; ++k) {
+    vec3 u = corner_weights(part.pa, part.pb, part.pc, vec2(pixel) + vec2(kSampleX[k], kSampleY[k]) / 256.0);
+    vec3 shown = u.x * part.a + u.y * part.b + u.z * part.c, beside = shown - p;
+    starts[k] = middle + beside - kLift * length(beside) * normalize(shown - eye);
+  }
+  return true;
+}
+
+// The part of the irradiance's share that is not the map's.
+vec3 share_of_others(Part part, Place at, vec3 share) {
+  if (!has_others) return vec3(0.0);
+  ivec3 of = part.behind ? at.index + back_entries : at.index;
+  return share - (at.w.x * texelFetch(self_shares, texel(of.x), 0).rgb +
+                  at.w.y * texelFetch(self_shares, texel(of.y), 0).rgb +
+                  at.w.z * texelFetch(self_shares, texel(of.z), 0).rgb);
+}
+
+#if LOBE
 float middle_weight(BrightCell cell, vec3 n, vec3 view) {
   return square_height(n, view, cell.direction, cell_width) * float(cell.count) * cell.flux;
 }
 #endif
+#endif
 
 vec4 part_share(Part part, ivec2 pixel) {
   vec4 result = interpolated_share(part);
-  ivec3 index = part.index;
-  vec3 w = part.w;
-  int whole = texelFetch(triangles, texel(part.triangle - 1), 0).w;
-  if (whole > 0) {
-    index = texelFetch(triangles, texel(whole - 1), 0).xyz;
-    w = mat3(weights_of(part.index.x, index), weights_of(part.index.y, index), weights_of(part.index.z, index)) * w;
-  }
-  w = max(w, vec3(0.0));
-  w /= w.x + w.y + w.z;
-  Corner a = corner_of(index.x, part.behind), b = corner_of(index.y, part.behind), c = corner_of(index.z, part.behind);
-  vec3 n = part_normal(part, mat3(1.0));
-  vec3 at = part.w.x * part.a + part.w.y * part.b + part.w.z * part.c;
+  Place at = place_of(part);
+  vec3 n = at.normal, w = at.w;
+#if LOBE
   bool touched = result.a < 1.0 - 1e-6;
+  vec3 view = normalize(eye - at.position);
+  vec2 sums = vec2(0.0);
+  if (touched) sums = cell_sums(n, view, ivec3(at.a.masks, at.b.masks, at.c.masks), w);
+#else
+  const bool touched = false;
+#endif
 #if RAYS
-  uvec2 hidden = (a.hidden & ~a.low) | (b.hidden & ~b.low) | (c.hidden & ~c.low);
-  uvec2 asked = a.mixed | b.mixed | c.mixed | (hidden & (a.open | b.open | c.open));
+  uvec2 hidden = (at.a.hidden & ~at.a.low) | (at.b.hidden & ~at.b.low) | (at.c.hidden & ~at.c.low);
+  uvec2 asked = at.a.mixed | at.b.mixed | at.c.mixed | (hidden & (at.a.open | at.b.open | at.c.open));
 #if DIFFUSE
   bool asks = (asked.x | asked.y) != 0u;
 #else
   const bool asks = false;
 #endif
-#if !LOBE
-  touched = false;
-#endif
   if (!asks && !touched) return result;
-
-  // Rays start on the round surface that the normals describe: Hanika 2021, Hacking the Shadow Terminator.
   vec3 starts[4];
-  starts[0] = w.x * (a.origin - min(dot(at - a.position, a.normal), 0.0) * a.normal) +
-              w.y * (b.origin - min(dot(at - b.position, b.normal), 0.0) * b.normal) +
-              w.z * (c.origin - min(dot(at - c.position, c.normal), 0.0) * c.normal) + ray_offset * n;
-  bool several = part.count == 4.0;
-  if (several) {
-    const float kLift = 0.3;  // towards the eye, which sees the sample: the surface may bend towards it, too
-    vec3 middle = starts[0];
-    for (int k = 0; k < 4; ++k) {
-      vec3 u = corner_weights(part.pa, part.pb, part.pc, vec2(pixel) + vec2(kSampleX[k], kSampleY[k]) / 256.0);
-      vec3 place = u.x * part.a + u.y * part.b + u.z * part.c, beside = place - at;
-      starts[k] = middle + beside - kLift * length(beside) * normalize(place - eye);
-    }
-  }
+  bool several = ray_starts(part, pixel, at, starts);
 
 #if DIFFUSE
   vec3 e = irradiance(marker_from_object * n);
-  mat3 corner_e = mat3(irradiance(marker_from_object * a.normal), irradiance(marker_from_object * b.normal),
-                       irradiance(marker_from_object * c.normal));
+  mat3 corner_e = mat3(irradiance(marker_from_object * at.a.normal), irradiance(marker_from_object * at.b.normal),
+                       irradiance(marker_from_object * at.c.normal));
   vec3 back = vec3(0.0), lost = vec3(0.0);
 #endif
 #if LOBE
-  vec3 view = normalize(eye - at);
-  vec2 sums = vec2(0.0);
-  float least = 0.0;  // of a cell that counts in the lobe: a thousandth of all
-  if (touched) {
-    sums = cell_sums(n, view, ivec3(a.masks, b.masks, c.masks), w);
-    float all = sums.x;
-    for (int i = 0; i < bright_cells; ++i) all += middle_weight(bright_cell(i), n, view);
-    least = 0.001 * all;
-  }
+  float all = sums.x;
+  for (int i = 0; i < bright_cells && touched; ++i) all += middle_weight(bright_cell(i), n, view);
 #endif
   const float kLow = -0.05;  // cosine below which a cell counts as below the horizon
   for (int i = 0; i < bright_cells; ++i) {
@@ -129,7 +160,7 @@ vec4 part_share(Part part, ivec2 pixel) {
     if (!is_asked && !touched) continue;
     BrightCell cell = bright_cell(i);
 #if LOBE
-    bool counts = touched && middle_weight(cell, n, view) > least;
+    bool counts = touched && middle_weight(cell, n, view) > 0.001 * all;
 #if !DIFFUSE
     if (!counts) continue;
 #endif
@@ -139,9 +170,9 @@ vec4 part_share(Part part, ivec2 pixel) {
     if (is_asked && dot(n, cell.direction) > kLow) seen = look_at(cell, starts, several);
 #if DIFFUSE
     if (is_asked) {
-      if (has_bit(a.hidden, i)) back += w.x * share_of(a.normal * cell.moments, corner_e[0]);
-      if (has_bit(b.hidden, i)) back += w.y * share_of(b.normal * cell.moments, corner_e[1]);
-      if (has_bit(c.hidden, i)) back += w.z * share_of(c.normal * cell.moments, corner_e[2]);
+      if (has_bit(at.a.hidden, i)) back += w.x * share_of(at.a.normal * cell.moments, corner_e[0]);
+      if (has_bit(at.b.hidden, i)) back += w.y * share_of(at.b.normal * cell.moments, corner_e[1]);
+      if (has_bit(at.c.hidden, i)) back += w.z * share_of(at.c.normal * cell.moments, corner_e[2]);
       lost += seen.lost * share_of(max(n * cell.moments, vec3(0.0)), e);
     }
 #endif
@@ -154,26 +185,15 @@ vec4 part_share(Part part, ivec2 pixel) {
   }
 #if DIFFUSE
   if (asks) {
-    vec3 others = vec3(0.0);  // what is not the map's
-    if (has_others) {
-      ivec3 of = part.behind ? index + back_entries : index;
-      others = result.rgb - (w.x * texelFetch(self_shares, texel(of.x), 0).rgb +
-                             w.y * texelFetch(self_shares, texel(of.y), 0).rgb +
-                             w.z * texelFetch(self_shares, texel(of.z), 0).rgb);
-    }
+    vec3 others = share_of_others(part, at, result.rgb);
     vec3 before = result.rgb - others;
     vec3 change = min(back, max(1.0 - before, vec3(0.0))) - lost;
     result.rgb = max(clamp(before + change, 0.0, 1.0) + others, vec3(0.0));
   }
 #endif
+#endif
 #if LOBE
   if (touched) result.a = share_of_lobe(sums);
-#endif
-#else
-#if LOBE
-  if (touched)
-    result.a = share_of_lobe(cell_sums(n, normalize(eye - at), ivec3(a.masks, b.masks, c.masks), w));
-#endif
 #endif
   return result;
 }

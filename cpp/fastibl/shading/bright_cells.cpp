@@ -14,9 +14,9 @@ namespace {
 // Rays to a cell: the first ones tell whether it is hidden in part, and only then the rest go, too.
 constexpr std::size_t kLeastRays = 4, kFirstRays = 8;
 constexpr float kRayShare = 0.005f;  // of all light, for which there is a ray
+constexpr float kCounts = 0.001f;    // of what a lobe sees: less of it is left out
 // Of cells this bright, nearly grazing light is asked for everywhere: the tangent plane of a vertex
 // differs from that of a place between vertices.
-constexpr float kCounts = 0.001f;  // see counted()
 constexpr float kStrong = 0.1f, kGrazing = 0.1f, kLow = BrightCells::kLow;
 
 bool is_hidden(const HiddenCells::Mask* masks, int cell) {

@@ -15,8 +15,8 @@
 namespace fastibl {
 namespace {
 
-constexpr int kTriangle = 4,
-              kAtOnce = 4;  // texels of a triangle, and triangles in a step: tree.glsl
+constexpr int kTriangle = 4;  // texels of a triangle in shared/tree.glsl,
+constexpr int kAtOnce = 4;    // and triangles that it looks at in a step
 
 glm::uvec3 bits(glm::vec3 v) {
   return {std::bit_cast<GLuint>(v.x), std::bit_cast<GLuint>(v.y), std::bit_cast<GLuint>(v.z)};
@@ -39,7 +39,7 @@ bool PixelShares::find(Gpu& gpu, LightTextures& light, const PixelParts& parts,
       (rays && !(scene.bvh && in.lighting.radiance)))
     return false;
   const std::optional<LobeShape> shape = scene.material.lobe();
-  if (rays && known_.keep(scene, *in.lighting.radiance, *in.cell_light)) uploaded_ = {};
+  if (rays && known_.keep(scene, *in.lighting.radiance, *in.cell_light)) entries_of_ = {};
   if (!shape && (!rays || known_.cells().empty())) return false;
   std::optional<LobeCells> lobe;
   if (shape)
@@ -87,26 +87,29 @@ void PixelShares::bind(Gpu& gpu, const Program& p, const Area& area) const {
 
 void PixelShares::upload(Gpu& gpu, const Scene& scene, const std::optional<LobeCells>& lobe,
                          bool rays) {
-  const Uploaded wanted{scene.directions, rays ? scene.bvh : nullptr, lobe ? lobe->size() : 0,
-                        rays};
-  if (uploaded_ == wanted) return;
-  const bool has_tree = uploaded_.bvh == wanted.bvh;
-  uploaded_ = {};  // until all is there
-  masks_.keep(scene.directions, lobe ? lobe->size() : 16);
-  upload_entries(gpu, scene, rays);
-  if (lobe) {
+  if (rays && tree_of_ != scene.bvh) {
+    tree_of_ = nullptr;  // until it is there
+    upload_tree(gpu, *scene.bvh);
+    tree_of_ = scene.bvh;
+  }
+  const int size = lobe ? lobe->size() : 0;
+  if (lobe && masks_of_ != Masks{scene.directions, size}) {
+    masks_of_ = {};
+    masks_.keep(scene.directions, size);
     std::vector<glm::uvec4> words((masks_.all().size() + 7) / 8);
     std::memcpy(words.data(), masks_.all().data(), masks_.all().size() * sizeof masks_.all()[0]);
     upload_table(gpu, lobe_masks_, words);
+    masks_of_ = {scene.directions, size};
   }
-  if (rays) {
-    if (!has_tree) upload_tree(gpu, *scene.bvh);
-    upload_bright(gpu, known_.cells());
+  if (entries_of_ != Entries{{scene.directions, size}, rays}) {
+    entries_of_ = {};
+    upload_entries(gpu, scene, rays, lobe.has_value());
+    if (rays) upload_bright(gpu, known_.cells());
+    entries_of_ = {{scene.directions, size}, rays};
   }
-  uploaded_ = wanted;
 }
 
-void PixelShares::upload_entries(Gpu& gpu, const Scene& scene, bool rays) {
+void PixelShares::upload_entries(Gpu& gpu, const Scene& scene, bool rays, bool masks) {
   std::vector<glm::uvec4> table;
   const std::size_t vertices = scene.normals.size(), count = scene.directions->entries();
   table.reserve(4 * count);
@@ -116,7 +119,7 @@ void PixelShares::upload_entries(Gpu& gpu, const Scene& scene, bool rays) {
     table.emplace_back(halves(states.hidden), halves(states.low));
     table.emplace_back(halves(states.free), halves(states.mixed));
     const glm::vec3 origin = e < scene.origins.size() ? scene.origins[e] : glm::vec3(0);
-    table.emplace_back(bits(origin), GLuint(masks_.first(e)));
+    table.emplace_back(bits(origin), GLuint(masks ? masks_.first(e) : 0));
     table.emplace_back(bits(normal), 0u);
   }
   upload_table(gpu, entries_, table);

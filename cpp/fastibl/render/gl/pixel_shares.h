@@ -31,7 +31,7 @@ class PixelShares {
 
  private:
   void upload(Gpu& gpu, const Scene& scene, const std::optional<LobeCells>& lobe, bool rays);
-  void upload_entries(Gpu& gpu, const Scene& scene, bool rays);
+  void upload_entries(Gpu& gpu, const Scene& scene, bool rays, bool masks);
   void upload_tree(Gpu& gpu, const Bvh& bvh);
   void upload_bright(Gpu& gpu, const BrightCells& cells);
   void bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe, const LobeShape& shape);
@@ -42,14 +42,20 @@ class PixelShares {
   int columns_ = 2;  // of tiles in shares_
   EntryCells known_;
   HiddenMasks masks_;
-  // What is in the textures.
-  struct Uploaded {
+  // Of what the textures are.
+  struct Masks {
     std::shared_ptr<const VertexVisibility> visibility;
-    std::shared_ptr<const Bvh> bvh;
-    int mask_size = 0;
+    int size = 0;
+    bool operator==(const Masks&) const = default;
+  };
+  struct Entries {
+    Masks masks;
     bool rays = false;
-    bool operator==(const Uploaded&) const = default;
-  } uploaded_;
+    bool operator==(const Entries&) const = default;
+  };
+  std::shared_ptr<const Bvh> tree_of_;
+  Masks masks_of_;
+  Entries entries_of_;
   std::vector<glm::vec4> own_;  // those in self_shares_
 };
 
