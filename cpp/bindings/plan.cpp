@@ -193,7 +193,7 @@ void bind_making(py::module_& module) {
         PlanOptions options{methods, track, capture, cast_shadow, error, milliseconds, nullptr};
         options.costs = costs_from(costs);
         options.workload = workload_of(scene, width, height, capture, cast_shadow);
-        if (samples) options.object_pixels = samples->object_area * width * height;
+        if (samples) options.object = parts_of(scene, samples->object_area * width * height);
         if (judged) options.lighting = &judged->lighting, options.measured = &judged->measured;
         return make_plan(scene, environment, options);
       },

@@ -122,6 +122,6 @@ TEST_CASE("samples of a lobe are paid for one by one, whatever the material") {
     few.glossy_settings.taps = 64, many.glossy_settings.taps = 256;
     const double added = pass_milliseconds(costs, PassId::shade, many, workload) -
                          pass_milliseconds(costs, PassId::shade, few, workload);
-    CHECK(added == doctest::Approx(192 * costs.sample * workload.object_pixels * 1e-6));
+    CHECK(added == doctest::Approx(192 * costs.sample * workload.object.shaded * 1e-6));
   }
 }

@@ -262,7 +262,7 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
   Plan plan;
   plan.methods = options.methods;
   Workload work = options.workload;
-  if (options.object_pixels) work.object_pixels = *options.object_pixels;
+  if (options.object) work.object = *options.object;
   if (options.lighting && options.lighting->chain)
     work.lights = int(options.lighting->chain->lights.size());
   Workload usual = options.workload;

@@ -62,8 +62,8 @@ class Renderer {
   // image of the camera's size.
   virtual void show(const Picture& back, const Camera& camera) = 0;
 
-  // Number of pixel parts that the last run of shade worked out, where they are counted.
-  virtual std::optional<double> shaded() const { return std::nullopt; }
+  // Of the last run of shade, where they are counted.
+  virtual std::optional<PartCounts> parts() const { return std::nullopt; }
 
   // The products of each pass's last run; a GPU back end reads them back. The shadow map stays as
   // it is until the next run.

@@ -122,9 +122,11 @@ LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
       const std::uint64_t asked =
           BrightCells::unsure(corners[0].states, corners[1].states, corners[2].states);
       if (!tracer.changes(shares[i], asked)) continue;
+      // As many rays as from a pixel's samples, so that they are counted as there.
+      const std::array starts{s.start, s.start, s.start, s.start};
+      static_assert(starts.size() == BrightCells::kStarts);
       rays[i] = tracer.trace(
-          shares[i],
-          {{&s.start, 1}, mesh_from_map * s.normal, mesh_from_map * s.to_eye, glm::vec3(0)},
+          shares[i], {starts, mesh_from_map * s.normal, mesh_from_map * s.to_eye, glm::vec3(0)},
           corners, {{hidden[0].masks(), hidden[1].masks(), hidden[2].masks()}, s.weights}, asked);
     }
   });

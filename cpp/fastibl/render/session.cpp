@@ -179,8 +179,8 @@ void Session::update_plan(bool choose) {
   options.workload =
       workload_of(scene_, drawn.width, drawn.height, light_moves(), options_.cast_shadow);
   if (const auto groups = shares_.groups()) options.workload.groups = double(*groups);
-  if (const std::optional<double> pixels = renderer_->shaded(); pixels && *pixels > 0)
-    options.object_pixels = pixels;
+  if (const std::optional<PartCounts> parts = renderer_->parts(); parts && parts->shaded > 0)
+    options.object = parts;
   options.slowdown = time_.slowdown();
   options.light_in_turns = in_turns_, options.light_lag = double(light_lag_);
   if (lit()) options.light_unjudged = judge_.unjudged(environment_->radiance);

@@ -388,6 +388,7 @@ void Rasterizer::flush(const Geometry& g, Work& work, FragmentBand& band) const 
     }
     append(f, g.alike_cosine, band.object);
   }
+  band.found += double(work.waiting);
   work.waiting = 0;
 }
 
@@ -490,7 +491,7 @@ std::span<FragmentBand> Rasterizer::rasterize(const Scene& scene, const Camera& 
     Work& work = *borrowed;
     for (int i = begin; i < end; ++i) {
       FragmentBand& band = found_[std::size_t(i)];
-      band.object.clear(), band.holdouts.clear();
+      band.object.clear(), band.holdouts.clear(), band.found = 0;
       if (triangles_of_[std::size_t(i)].empty()) continue;
       const int top = top_ + i * kBand, bottom = std::min(top + kBand - 1, bottom_);
       work.cells.assign(std::size_t(width) * kBand, SampleCell{});

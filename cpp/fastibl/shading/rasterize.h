@@ -36,6 +36,7 @@ struct HoldoutFragment {
 struct FragmentBand {
   std::vector<Fragment> object;
   std::vector<HoldoutFragment> holdouts;
+  double found = 0;  // fragments of the object before any were merged
 };
 
 // A triangle whose normals within a pixel differ by half of the width of the material's lobe, or by

@@ -30,7 +30,7 @@ class CpuRenderer final : public Renderer {
         return;
       }
       case PassId::shade: {
-        shaded_ = 0;
+        parts_ = {0, 0};
         if (in.supersampling == 1) {
           draw(in, *in.camera, object_, holdout_);
           return;
@@ -63,14 +63,14 @@ class CpuRenderer final : public Renderer {
 
   void clear(PassId pass) override {
     if (pass == PassId::shadow) shadow_ = {}, caster_ = {}, plane_.reset();
-    if (pass == PassId::shade) object_ = {}, holdout_ = {}, shaded_.reset();
+    if (pass == PassId::shade) object_ = {}, holdout_ = {}, parts_.reset();
   }
 
   void show(const Picture& back, const Camera& camera) override {
     bare_picture(back, camera, image_);
   }
 
-  std::optional<double> shaded() const override { return shaded_; }
+  std::optional<PartCounts> parts() const override { return parts_; }
   const ShadowMap& shadow_map() override { return shadow_; }
   ObjectLayer object() override { return object_; }
   ObjectLayer holdout() override { return holdout_; }
@@ -96,7 +96,8 @@ class CpuRenderer final : public Renderer {
     if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
       glossy_shares_(in.scene, *in.cell_light, eye, seen);
     if (by_rays && in.shades_alike_as_one) merge_alike(in.scene.material, seen);
-    for (const FragmentBand& band : seen) *shaded_ += double(band.object.size());
+    for (const FragmentBand& band : seen)
+      parts_->found += band.found, parts_->shaded += double(band.object.size());
     object = shade(seen, in.scene.material, in.lighting, eye);
     holdout = holdout_layer(seen);
   }
@@ -105,7 +106,7 @@ class CpuRenderer final : public Renderer {
   Rasterizer rasterizer_;
   GlossyPixelShares glossy_shares_;
   TracedLights traced_lights_;
-  std::optional<double> shaded_;
+  std::optional<PartCounts> parts_;
   ShadowMap shadow_;
   std::optional<ShadowLookUp> plane_;  // the shadow, or what the plane gains in its place
   std::shared_ptr<const ShadowMap> plane_of_;
