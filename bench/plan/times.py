@@ -8,14 +8,18 @@ import numpy as np
 
 import fastibl
 from fastibl._fastibl import _measure_costs
+from fastibl.expected import present
 from fastibl.measuring.frames import steady
 
 from .. import inputs
 from ..goals import Goal, percent, row
 from ..measure import one_core
-from . import cases
+from ..shadows.self_shadow import missing
+from . import cases, lamps
 from .left_out import spot
 
+PLASTIC = cases.MATERIALS["plastic"]
+RAYS = ("spot", "stanford-bunny", "suzanne")  # meshes that are drawn with rays to the brightest light
 PASSES = ("capture", "irradiance", "shadow", "self_shadow", "bounce", "shade", "composite")
 
 
@@ -44,6 +48,10 @@ def predicted() -> Iterator[Goal]:
                     notes.append(
                         f"{name}, {diffuse}, {glossy}, {line.name}: {found:.2f} ms, expected {line.milliseconds:.2f}"
                     )
+    if not missing():
+        for what, found, expected in by_rays():
+            ratios.append(found / expected)
+            notes.append(f"{what}: {found:.2f} ms, expected {expected:.2f}")
     share = float(np.mean([0.75 <= r <= 1.25 for r in ratios]))
     yield Goal(
         "expected time of a pass against measured, within 25 %",
@@ -52,3 +60,23 @@ def predicted() -> Iterator[Goal]:
         share >= 0.9,
         tuple(notes),
     )
+
+
+def by_rays() -> Iterator[tuple[str, float, float]]:
+    """What is drawn, milliseconds, and what was expected, of 640 x 480 pixels under lamps and a sun."""
+    c = cases.camera()
+    rig = fastibl.Rig(fastibl.Camera(4 * c.width, 4 * c.height, 4 * c.fx, 4 * c.fy, 4 * c.cx, 4 * c.cy))
+    methods = {"self_shadow": "traced-lights", "diffuse": "irradiance-cube", "glossy": "centroid", "bounce": "none"}
+    poses = cases.pose(), cases.beside(cases.pose())
+    for light, cube in lamps.lights().items():
+        costs = _measure_costs()
+        for name in RAYS:
+            for kind, material in (("matte", lamps.MATTE), ("metal", lamps.METAL), ("plastic", PLASTIC)):
+                session = fastibl.Session(cases.scene(name), rig, None, cube, methods=methods, costs=costs, error=0.02)
+                session.set_material(material)
+                times = []
+                for k in range(12):
+                    result = session.process(fastibl.Frame(k / 30, back_from_marker=poses[k % 2]))
+                    times.append(1e3 * result.timings["shade"])
+                expected = next(p.milliseconds for p in session.plan.passes if p.name == "shade")
+                yield f"{name}, {kind}, {light}, shade with rays", float(np.median(times[6:])), present(expected)

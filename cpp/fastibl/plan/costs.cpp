@@ -138,7 +138,7 @@ double shadow_texels(const Methods& m) {
 
 double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
   constexpr double kTouched = 0.6;  // of an object's pixels: those whose lobes meet the object
-  constexpr double kPlaced = 0.8;   // of drawing a part
+  constexpr double kPlaced = 0.9;   // of drawing a part
   // Rays were measured with a mesh of 2400 vertices; trees of more are deeper.
   const double depth = std::log(std::max(w.vertices, 8)) / std::log(2400.0);
   const double pixels = double(w.width) * w.height;
