@@ -55,8 +55,8 @@ float ray_height(vec3 n, vec3 v, vec3 d) {
 
 // The same towards the middle of a square of this width (radians): the lobe is taken to be wider by about half of it.
 float square_height(vec3 n, vec3 v, vec3 d, float width) {
-  float cosine = max(dot(n, d), 0.0), nv = dot(n, v), length2 = max(2.0 + 2.0 * dot(d, v), 1e-4);
-  float half2 = min((cosine + nv) * (cosine + nv) / length2, 1.0), variance = width * width / length2;
+  float middle = dot(n, d), nv = dot(n, v), sum = max(middle + nv, 0.0), length2 = max(2.0 + 2.0 * dot(d, v), 1e-4);
+  float cosine = max(middle + 0.5 * width, 0.0), half2 = min(sum * sum / length2, 1.0), variance = width * width / length2;
 #if LOBE == 2
   return ggx_height(cosine, half2, max(nv, 1e-3), min(lobe_alpha2 + 2.0 * variance, 1.0), 1e-9);
 #else

@@ -44,12 +44,14 @@ void weigh_by_width(const LitDirections& of, float width, const glm::vec3& norma
   for (std::size_t k = 0; k < of.count; k += kLanes) {
     Lanes dx, dy, dz, light, weight;
     load(of.x + k, dx), load(of.y + k, dy), load(of.z + k, dz), load(of.channels[0] + k, light);
-    Lanes cosine = dx * normal.x + dy * normal.y + dz * normal.z;
-    // A square that the horizon cuts still has a part above it.
+    const Lanes middle = dx * normal.x + dy * normal.y + dz * normal.z;
+    // A square whose middle is below the horizon may have a part above it.
+    Lanes cosine = middle + 0.5f * width, sum = middle + nv;
     cosine = cosine > 0 ? cosine : none;
+    sum = sum > 0 ? sum : none;
     Lanes length2 = 2 + 2 * (dx * view.x + dy * view.y + dz * view.z);
     length2 = length2 > 1e-4f ? length2 : none + 1e-4f;
-    Lanes half2 = (cosine + nv) * (cosine + nv) / length2;
+    Lanes half2 = sum * sum / length2;
     half2 = half2 < 1 ? half2 : none + 1;
     // The half vector turns by half of what the direction does, and across their plane by that over
     // v·h, which is half the length.
