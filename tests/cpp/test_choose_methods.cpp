@@ -125,3 +125,19 @@ TEST_CASE("samples of a lobe are paid for one by one, whatever the material") {
     CHECK(added == doctest::Approx(192 * costs.sample * workload.object.shaded * 1e-6));
   }
 }
+
+TEST_CASE("rays are paid for by the parts of pixels that they go from, and by the tree's depth") {
+  const Costs costs;
+  Workload workload, finer, deeper;
+  finer.object.found *= 2, deeper.vertices *= 20;
+  const auto rays = [&](const Workload& w) {
+    Methods by_vertex, traced;
+    by_vertex.self_shadow = SelfShadowMethod::transfer;
+    traced.self_shadow = SelfShadowMethod::traced_lights;
+    return pass_milliseconds(costs, PassId::shade, traced, w) -
+           pass_milliseconds(costs, PassId::shade, by_vertex, w);
+  };
+  CHECK(rays(finer) == doctest::Approx(2 * rays(workload)));
+  CHECK(rays(deeper) > 1.1 * rays(workload));
+  CHECK(rays(deeper) < 2 * rays(workload));
+}
