@@ -128,10 +128,14 @@ def drawn(name: str, light: str, material: fastibl.Material, method: str, backen
     return render.picture(made).object.reshape(-1, 4)[chosen(name)[0], :3]
 
 
+def large_camera() -> fastibl.Camera:
+    """What the judged pictures show, by 640 x 480 pixels."""
+    c = cases.camera()
+    return fastibl.Camera(4 * c.width, 4 * c.height, 4 * c.fx, 4 * c.fy, 4 * c.cx, 4 * c.cy)
+
+
 def times(name: str, light: str, material: fastibl.Material) -> dict[str, float]:
     """Milliseconds of a 4 ms yardstick for what each method adds to a picture of 640 x 480 that moves."""
-    c = cases.camera()
-    large = fastibl.Camera(4 * c.width, 4 * c.height, 4 * c.fx, 4 * c.fy, 4 * c.cx, 4 * c.cy)
     poses = cases.pose(), cases.beside(cases.pose())
 
     def draw(made: fastibl.Session, turn: list[int]) -> None:
@@ -140,7 +144,7 @@ def times(name: str, light: str, material: fastibl.Material) -> dict[str, float]
 
     calls: list[Callable[[], object]] = []
     for method in METHODS:
-        made, turn = session(name, light, material, method, large, 4), [0]
+        made, turn = session(name, light, material, method, large_camera(), 4), [0]
         draw(made, turn)
         calls.append(partial(draw, made, turn))
     with measure.one_core():

@@ -64,8 +64,7 @@ def predicted() -> Iterator[Goal]:
 
 def by_rays() -> Iterator[tuple[str, float, float]]:
     """What is drawn, milliseconds, and what was expected, of 640 x 480 pixels under lamps and a sun."""
-    c = cases.camera()
-    rig = fastibl.Rig(fastibl.Camera(4 * c.width, 4 * c.height, 4 * c.fx, 4 * c.fy, 4 * c.cx, 4 * c.cy))
+    rig = fastibl.Rig(lamps.large_camera())
     methods = {"self_shadow": "traced-lights", "diffuse": "irradiance-cube", "glossy": "centroid", "bounce": "none"}
     poses = cases.pose(), cases.beside(cases.pose())
     for light, cube in lamps.lights().items():

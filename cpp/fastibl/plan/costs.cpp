@@ -139,8 +139,6 @@ double shadow_texels(const Methods& m) {
 double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Workload& w) {
   constexpr double kTouched = 0.6;  // of an object's pixels: those whose lobes meet the object
   constexpr double kPlaced = 0.9;   // of drawing a part
-  // Rays were measured with a mesh of 2400 vertices; trees of more are deeper.
-  const double depth = std::log(std::max(w.vertices, 8)) / std::log(2400.0);
   const double pixels = double(w.width) * w.height;
   const bool transfer = knows_directions(m.self_shadow);
   double ns = 0;
@@ -178,8 +176,11 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
       // together afterwards.
       if (traces_rays(m.self_shadow)) ns += kPlaced * c.raster_pixel * w.object.found;
       if (m.self_shadow == SelfShadowMethod::traced) ns += c.traced_pixel * w.object.found;
-      if (m.self_shadow == SelfShadowMethod::traced_lights)
+      if (m.self_shadow == SelfShadowMethod::traced_lights) {
+        // Rays were measured with a mesh of 2400 vertices; trees of more are deeper.
+        const double depth = std::log(std::max(w.vertices, 8)) / std::log(2400.0);
         ns += (c.light_ray * depth * w.rays.traced + c.bright_ray * w.rays.summed) * w.object.found;
+      }
       if (has_pixel_lobes(m.self_shadow) && w.glossy)
         ns += c.pixel_group * w.lobe_groups * kTouched *
               (traces_rays(m.self_shadow) ? w.object.found : w.object.shaded);

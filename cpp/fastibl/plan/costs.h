@@ -45,15 +45,15 @@ struct LightRays {
   double summed = 40;  // likewise, of glossy light
 };
 
-// Parts of pixels that show the object, one for each triangle in it; and those that are shaded, where
-// some are shaded as one.
+// Parts of pixels that show the object, one for each triangle in a pixel; and those that are
+// shaded, where some are shaded as one.
 struct PartCounts {
   double found = 50000, shaded = 25000;
 };
 
 // The work in a frame.
 struct Workload {
-  int width = 640, height = 480;                         // of the picture
+  int width = 640, height = 480;  // of the picture
   PartCounts object = {};
   double shadow_pixels = 307200;  // of the plane
   int vertices = 3000;

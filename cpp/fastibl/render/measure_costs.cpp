@@ -298,12 +298,14 @@ void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance,
   constexpr int kPlaces = 200;
   float sum = 0;
   int looked = 0;
-  const std::uint64_t every = (std::uint64_t{2} << (cells.cells().size() - 1)) - 1;
+  const std::uint64_t every =
+      cells.empty() ? 0 : ~std::uint64_t{0} >> (BrightCells::kMost - int(cells.cells().size()));
   const double sums = nanoseconds([&](int) {
     looked = 0;
     for (int k = 0; k < kPlaces; ++k)
-      sum += cells.lobe_sums(all, glm::normalize(glm::vec3(k, 0, kPlaces)), {0, 0, 1}, lobe,
-                             cells.empty() ? 0 : every, looked)
+      sum += cells
+                 .lobe_sums(all, glm::normalize(glm::vec3(k, 0, kPlaces)), {0, 0, 1}, lobe, every,
+                            looked)
                  .all;
   });
   // The sum is never negative.

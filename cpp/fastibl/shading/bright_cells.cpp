@@ -12,12 +12,13 @@ namespace fastibl {
 namespace {
 
 // Rays to a cell: the first ones tell whether it is hidden in part, and only then the rest go, too.
-constexpr std::size_t kLeastRays = 4, kFirstRays = 8;
+constexpr std::size_t kLeastRays = 4, kFirstRays = 8, kMostRays = 32;
 constexpr float kRayShare = 0.005f;  // of all light, for which there is a ray
 constexpr float kCounts = 0.001f;    // of what a lobe sees: less of it is left out
+constexpr float kLow = -0.05f;       // cosine below which a cell counts as below the horizon
 // Of cells this bright, nearly grazing light is asked for everywhere: the tangent plane of a vertex
 // differs from that of a place between vertices.
-constexpr float kStrong = 0.1f, kGrazing = 0.1f, kLow = BrightCells::kLow;
+constexpr float kStrong = 0.1f, kGrazing = 0.1f;
 
 bool is_hidden(const HiddenCells::Mask* masks, int cell) {
   return masks[cell / HiddenCells::kGroup] >> (cell % HiddenCells::kGroup) & 1;
@@ -127,7 +128,7 @@ BrightCells::BrightCells(const CubeMap& map, const CellLight& light,
     cell.share = share;
     cell.doubtful = share >= kStrong ? kGrazing : kLow;
     cell.first = rays_.size();
-    cell.count = std::bit_ceil(std::clamp(wanted, kLeastRays, std::size_t(kMostRays)));
+    cell.count = std::bit_ceil(std::clamp(wanted, kLeastRays, kMostRays));
     cell.first_count = std::min(cell.count, kFirstRays);
     const CellLight::Sum &before = light.before(bright[i]), &after = light.before(bright[i] + 1);
     for (int axis = 0; axis < 3; ++axis)

@@ -28,9 +28,7 @@ struct CellStates {
 class BrightCells {
  public:
   static constexpr int kMost = 64;           // cells
-  static constexpr int kMostRays = 32;       // to a cell
   static constexpr std::size_t kStarts = 4;  // of rays from a pixel
-  static constexpr float kLow = -0.05f;      // cosine below which a cell is below the horizon
   // A cell with less of the light is left to the vertices.
   static constexpr float kLeastShare = 0.004f;
 

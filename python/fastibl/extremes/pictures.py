@@ -71,14 +71,14 @@ def cases() -> Iterator[Case]:
                 "render",
                 f"object: {name}",
                 "a picture, finite, or a ValueError",
-                partial(result_or_refusal, partial(_object, name, backend)),
+                partial(result_or_refusal, partial(_object, "auto", name, backend)),
                 backend,
             )
             yield Case(
                 "self_shadow",
                 f"{name}, by pixel",
                 "a picture, finite, or a ValueError",
-                partial(result_or_refusal, partial(each, BY_PIXEL, _object_by_pixel, name, backend)),
+                partial(result_or_refusal, partial(each, BY_PIXEL, _object, name, backend)),
                 backend,
             )
         for name in MAPS:
@@ -231,23 +231,14 @@ def _by_pixel_agree(name: str) -> Outcome:
     return _alike(name, *(_balls_layer("traced-lights", name, backend) for backend in ("cpu", "gl")))
 
 
-def _object_by_pixel(method: str, name: str, backend: str) -> Outcome:
-    methods = {"shadow": "directions", "self_shadow": method}
-    session = _session("sun of 1e6 in one texel", _degenerate_scene(name), backend, methods=methods)
-    result = session.process(Frame(time=0.0, back=_back(PICTURE), back_from_marker=FRONT))
-    return both(
-        Outcome(result.image.shape == (64, 64, 3), f"picture {result.image.shape}"),
-        is_light(session.object.rgba, what="object"),
-    )
-
-
 @cache  # sessions use copies of it
 def _degenerate_scene(name: str) -> Scene:
     return Scene(degenerate(name), Material(glossy=(0.2, 0.2, 0.2)), spheres=4, visibility_rays=8)
 
 
-def _object(name: str, backend: str) -> Outcome:
-    session = _session("sun of 1e6 in one texel", _degenerate_scene(name), backend)
+def _object(self_shadow: str, name: str, backend: str) -> Outcome:
+    methods = {"shadow": "directions", "self_shadow": self_shadow}
+    session = _session("sun of 1e6 in one texel", _degenerate_scene(name), backend, methods=methods)
     result = session.process(Frame(time=0.0, back=_back(PICTURE), back_from_marker=FRONT))
     return both(
         Outcome(result.image.shape == (64, 64, 3), f"picture {result.image.shape}"),

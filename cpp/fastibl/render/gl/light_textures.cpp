@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 #include <vector>
 
 #include "fastibl/core/check.h"
@@ -135,8 +136,10 @@ void LightTextures::upload_baked(Gpu& gpu, const Irradiance& irradiance) {
       }
   baked_scale_ = gpu.half() ? half_scale(largest) : 1.0f;
   for (glm::vec4& t : texels) t /= baked_scale_;
+  if (texels == baked_texels_) return;
+  const bool fits = baked_.id && texels.size() == baked_texels_.size();
+  baked_texels_.clear();  // until they are uploaded
   glActiveTexture(GL_TEXTURE0);
-  const bool fits = baked_.id && baked_size_ == n;
   if (!baked_.id) baked_.id = gpu.new_texture();
   glBindTexture(GL_TEXTURE_CUBE_MAP, baked_.id);
   for (int f = 0; f < 6; ++f) {
@@ -148,7 +151,7 @@ void LightTextures::upload_baked(Gpu& gpu, const Irradiance& irradiance) {
       glTexImage2D(face, 0, gpu.half() ? GL_RGBA16F : GL_RGBA32F, n, n, 0, GL_RGBA, GL_FLOAT, data);
   }
   set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR);
-  baked_size_ = n;
+  baked_texels_ = std::move(texels);
 }
 
 void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {

@@ -34,7 +34,7 @@ class LightTextures {
 
  private:
   // Uploads irradiance-cube as it is: one look-up. Any other diffuse method is uploaded as a cube
-  // map, where shaders are not to be trusted with it.
+  // map, where shaders are not to be trusted with it. Does nothing for the same texels.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
   Texture cube_, baked_, lobes_, first_lobe_, table_;
@@ -42,7 +42,7 @@ class LightTextures {
   int radiance_size_ = 0, radiance_levels_ = 0;
   std::vector<std::uint64_t> radiance_versions_;
   std::shared_ptr<const GlossyChain> chain_;  // the chain that is in lobes_
-  int baked_size_ = 0;
+  std::vector<glm::vec4> baked_texels_;       // those in baked_
   float radiance_scale_ = 1, baked_scale_ = 1;
 };
 

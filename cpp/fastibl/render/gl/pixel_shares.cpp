@@ -161,8 +161,7 @@ void PixelShares::upload_bright(Gpu& gpu, const BrightCells& cells) {
   upload_table(gpu, bright_, table);
 }
 
-void PixelShares::bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe,
-                            const LobeShape& shape) {
+void PixelShares::upload_lobe(Gpu& gpu, const LobeCells& lobe) {
   const LobeCells::Cells& cells = lobe.cells();
   std::vector<glm::vec4> table;
   for (std::size_t k = 0; k < cells.group_x.size(); ++k)
@@ -170,6 +169,16 @@ void PixelShares::bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe,
   for (std::size_t k = 0; k < cells.x.size(); ++k)
     table.emplace_back(cells.x[k], cells.y[k], cells.z[k], lobe.flux().cells[k]);
   upload_table(gpu, lobe_cells_, table);
+}
+
+void PixelShares::bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe,
+                            const LobeShape& shape) {
+  const LobeCells::Cells& cells = lobe.cells();
+  if (lobe_flux_ != lobe.flux().cells) {
+    lobe_flux_.clear();  // until it is uploaded
+    upload_lobe(gpu, lobe);
+    lobe_flux_ = lobe.flux().cells;
+  }
   gpu.bind("lobe_cells", lobe_cells_);
   gpu.bind("lobe_masks", lobe_masks_);
   glUniform1i(p.uniform("lobe_groups"), cells.groups);

@@ -34,6 +34,7 @@ class PixelShares {
   void upload_entries(Gpu& gpu, const Scene& scene, bool rays, bool masks);
   void upload_tree(Gpu& gpu, const Bvh& bvh);
   void upload_bright(Gpu& gpu, const BrightCells& cells);
+  void upload_lobe(Gpu& gpu, const LobeCells& lobe);
   void bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe, const LobeShape& shape);
   void set_tiles(const Program& p, const Area& area) const;
   void bind_rays(Gpu& gpu, const Program& p, const RenderInput& in);
@@ -56,7 +57,8 @@ class PixelShares {
   std::shared_ptr<const Bvh> tree_of_;
   Masks masks_of_;
   Entries entries_of_;
-  std::vector<glm::vec4> own_;  // those in self_shares_
+  std::vector<glm::vec4> own_;    // those in self_shares_
+  std::vector<float> lobe_flux_;  // of the cells in lobe_cells_, whose number tells their grid
 };
 
 }  // namespace fastibl
