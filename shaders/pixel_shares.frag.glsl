@@ -4,6 +4,7 @@
 //   DIFFUSE      see shared/irradiance.glsl
 //   LOBE         0 none, 1 Blinn's, 2 GGX's
 //   RAYS         1: to the brightest cells of the light
+//   NEAR         1: with them, to near lights where they are
 //   DISTORTION   1: the camera has a lens model
 #include "shared/precision.glsl"
 #include "shared/lighting.glsl"
@@ -22,6 +23,12 @@ uniform mat3 marker_from_object;
 uniform float ray_offset;
 uniform sampler2D self_shares;  // of the map alone, by entry, where `shares` has more
 uniform bool has_others;
+#endif
+#if NEAR
+#include "shared/sphere_cap.glsl"
+#include "shared/placed_light.glsl"
+#include "shared/near_light.glsl"
+#include "shared/near_tracer.glsl"
 #endif
 
 uniform highp usampler2D entries;  // four texels each, see Corner
@@ -113,6 +120,38 @@ vec3 share_of_others(Part part, Place at, vec3 share) {
                   at.w.z * texelFetch(self_shares, texel(of.z), 0).rgb);
 }
 
+#if NEAR
+vec3 near_share_of(vec3 part, vec3 whole) { return clamp(share_of(part, whole), -1.0, 1000.0); }
+
+// What the lights in `asked` change of the share, less what is interpolated between the corners. lost: by light, the part
+// of it that is hidden where the map has it. corner_e, e: irradiance of the corners and of the place.
+vec3 near_changes(Place at, ivec3 of, NearEntry entries[3], int asked, NearParts lost, vec3 starts[4], bool several,
+                  mat3 corner_e, vec3 e) {
+  vec3 offset = 0.25 * (starts[0] + starts[1] + starts[2] + starts[3]) - near_centre, sum = vec3(0.0);
+  vec3 interpolated[3] = vec3[3](vec3(0.0), vec3(0.0), vec3(0.0)), all[3];
+  for (int k = 0; k < 3; ++k) all[k] = texelFetch(self_shares, texel(of[k]), 0).rgb;
+  for (int i = 0; i < near_count; ++i) {
+    NearLight light = near_light(i);
+    bool is_asked = (asked & (1 << i)) != 0;
+    for (int k = 0; k < 3; ++k) {
+      vec3 change = near_share_of(near_change(entries[k], i) * light.irradiance, corner_e[k]);
+      all[k] += change;
+      if (is_asked) interpolated[k] += change;
+    }
+    if (!is_asked) continue;
+    vec3 arrow = near_arrow(light.direction, light.inverse_distance, offset);
+    float here = near_irradiance(arrow, light.sin_radius, at.normal);
+    uint state = near_between(entries, i);
+    if (state == kNearHidden) here = 0.0;
+    if (state == kNearMixed && here > 0.0) here *= near_open_part(light, arrow, at.normal, starts, several);
+    float there = (1.0 - near_part(lost, i)) * near_irradiance(light.direction, light.sin_radius, at.normal);
+    sum += near_share_of((here - there) * light.irradiance, e);
+  }
+  for (int k = 0; k < 3; ++k) sum -= at.w[k] * (interpolated[k] - min(all[k], vec3(0.0)));  // no share is negative
+  return sum;
+}
+#endif
+
 #if LOBE
 float middle_weight(BrightCell cell, vec3 n, vec3 view) {
   return square_height(n, view, cell.direction, cell_width) * float(cell.count) * cell.flux;
@@ -135,7 +174,20 @@ vec4 part_share(Part part, ivec2 pixel) {
 #if RAYS
   uvec2 hidden = (at.a.hidden & ~at.a.low) | (at.b.hidden & ~at.b.low) | (at.c.hidden & ~at.c.low);
   uvec2 asked = at.a.mixed | at.b.mixed | at.c.mixed | (hidden & (at.a.open | at.b.open | at.c.open));
-#if DIFFUSE
+#if NEAR
+  ivec3 of = part.behind ? at.index + back_entries : at.index;
+  NearEntry entries_near[3] = NearEntry[3](near_entry(of.x), near_entry(of.y), near_entry(of.z));
+  int asked_near = 0;
+  bool bent = min(dot(at.a.normal, at.b.normal), min(dot(at.b.normal, at.c.normal), dot(at.c.normal, at.a.normal))) <
+              kNearBent;
+  for (int i = 0; i < near_count; ++i) {
+    uvec2 cells = near_light(i).cells;
+    bool known = !bent && ((asked.x & cells.x) | (asked.y & cells.y)) == 0u && near_between(entries_near, i) != kNearMixed;
+    if ((cells.x | cells.y) != 0u && !known) asked_near |= 1 << i;
+  }
+  NearParts near_lost = NearParts(vec4(0.0), vec4(0.0));
+  bool asks = (asked.x | asked.y) != 0u || asked_near != 0;
+#elif DIFFUSE
   bool asks = (asked.x | asked.y) != 0u;
 #else
   const bool asks = false;
@@ -157,7 +209,13 @@ vec4 part_share(Part part, ivec2 pixel) {
   const float kLow = -0.05;  // cosine below which a cell counts as below the horizon
   for (int i = 0; i < bright_cells; ++i) {
     bool is_asked = has_bit(asked, i);
+    bool known_hidden = has_bit(hidden, i);
+    SeenCell seen = SeenCell(known_hidden ? 0u : 0xffffffffu, known_hidden ? 1.0 : 0.0);
+#if NEAR
+    if (!is_asked && !touched && asked_near == 0) continue;
+#else
     if (!is_asked && !touched) continue;
+#endif
     BrightCell cell = bright_cell(i);
 #if LOBE
     bool counts = touched && middle_weight(cell, n, view) > 0.001 * all;
@@ -165,9 +223,14 @@ vec4 part_share(Part part, ivec2 pixel) {
     if (!counts) continue;
 #endif
 #endif
-    bool known_hidden = has_bit(hidden, i);
-    SeenCell seen = SeenCell(known_hidden ? 0u : 0xffffffffu, known_hidden ? 1.0 : 0.0);
     if (is_asked && dot(n, cell.direction) > kLow) seen = look_at(cell, starts, several);
+#if NEAR
+    if (asked_near != 0) {
+      NearParts parts = near_parts(i);
+      near_lost.first += seen.lost * parts.first;
+      near_lost.second += seen.lost * parts.second;
+    }
+#endif
 #if DIFFUSE
     if (is_asked) {
       if (has_bit(at.a.hidden, i)) back += w.x * share_of(at.a.normal * cell.moments, corner_e[0]);
@@ -188,6 +251,10 @@ vec4 part_share(Part part, ivec2 pixel) {
     vec3 others = share_of_others(part, at, result.rgb);
     vec3 before = result.rgb - others;
     vec3 change = min(back, max(1.0 - before, vec3(0.0))) - lost;
+#if NEAR
+    if (asked_near != 0)
+      others += near_changes(at, of, entries_near, asked_near, near_lost, starts, several, corner_e, e);
+#endif
     result.rgb = max(clamp(before + change, 0.0, 1.0) + others, vec3(0.0));
   }
 #endif

@@ -634,7 +634,7 @@ VARIANTS = {
     "shade": {"DIFFUSE": range(7), "GLOSSY": range(8), "PAPER": (0, 1), "DISTORTION": (0, 1), "HOLDOUT": (0, 1)}
     | {"BOX": (0, 1), "COLORS": (0, 1), "BY_PIXEL": (0, 1)}
     | dict.fromkeys(PBR, (0, 1)),
-    "pixel_shares": {"DIFFUSE": range(7), "LOBE": range(3), "RAYS": (0, 1), "DISTORTION": (0, 1)},
+    "pixel_shares": {"DIFFUSE": range(7), "LOBE": range(3), "RAYS": (0, 1), "NEAR": (0, 1), "DISTORTION": (0, 1)},
     "shadow": {"PRODUCT": (0, 1)},
     "composite": {
         "MATTE": (0, 1),
@@ -679,6 +679,8 @@ def sources():
                 continue  # nor these
             if shader == "pixel_shares" and not defines["RAYS"] and (defines["DIFFUSE"] or not defines["LOBE"]):
                 continue  # without rays, only glossy light changes
+            if defines.get("NEAR") and not (defines["RAYS"] and defines["DIFFUSE"]):
+                continue  # only the irradiance knows where lights are
             maps = sum(defines.get(name, 0) for name in PBR)
             if defines.get("GLOSSY", 0) >= 6 and (defines["PAPER"] or maps not in (0, 1, len(PBR))):
                 continue  # alone and all together

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scenes import scene_of
 from test_material import sphere
+from test_near_shading import BACKENDS, lamp_map, over_sphere, placed
 from test_self_shadow import BOXES, LENS, MATTE, free_from, lobe_weights, seen_of_boxes, share_picture, smooth_map
 
 import fastibl
@@ -212,3 +213,40 @@ def test_a_plan_chooses_it_under_a_lamp():
         scene, lamp((0.7, -0.3, 0.6), 2e3), error=0.02, track=False, methods={"self_shadow": "transfer"}
     )
     assert under.best_error < 0.7 * by_vertex.best_error
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("distance", [0.25, 0.6])
+def test_the_shadow_of_a_lamp_nearby(distance, backend):
+    """On a box, of another box, by rays to places all over the lamp. In the map, the lamp stands elsewhere than as the
+    pixels see it."""
+    centre, radius, facing = np.array([-0.06, 0.0, 0.05]), 0.02, 3.0
+    towards = np.array([0.8, 0.2, 0.5]) / np.linalg.norm([0.8, 0.2, 0.5])
+    position = centre + distance * towards
+    cube = lamp_map(radius, distance, facing, size=128, centre=centre, ambient=0.0, towards=towards)
+    light = placed(cube, [*position, radius], centre)
+    radiance = facing / (np.pi * (radius / distance) ** 2)
+    pose = looking(MIDDLE - EYE, EYE)
+    seen, triangle, t = seen_of_boxes(EYE, pose)
+    at = EYE + t[..., None] * seen
+    top = (triangle >= 0) & (np.abs(np.where(triangle[..., None] >= 0, at, 1) - [0, 0, 0.05]).max(axis=-1) < 0.047)
+    top &= np.abs(at[..., 2] - 0.05) < 1e-4
+    made = {}
+    for method in ("traced-lights", "traced", "transfer")[:: 1 if backend == "cpu" else 2]:
+        scene = fastibl.Scene(BOXES, MATERIALS["matte"], spheres=0)
+        made[method] = picture(session_of(scene, light, method, backend=backend), pose)
+        top &= made[method][..., 3] == 1
+    rows, columns = np.nonzero(top)
+    true, error, up = [], {method: [] for method in made}, np.array([0, 0, 1.0])
+    for y, x in zip(rows, columns, strict=True):
+        place = at[y, x] + 1e-5 * up
+        d, solid_angle = over_sphere(position - place, radius, 300)
+        true.append(radiance * solid_angle * (np.maximum(d @ up, 0) * free_from(BOXES, place, d)).mean() / np.pi)
+        for method, colours in made.items():
+            error[method].append(colours[y, x, 1] - true[-1])
+    rms = {method: float(np.sqrt(np.mean(np.square(e))) / np.mean(true)) for method, e in error.items()}
+    dark = np.mean(np.array(true) < 0.01 * max(true))
+    print(f"{distance} m, {backend}: {len(true)} pixels, {100 * dark:.0f} % in shadow; RMS by their mean {rms}")
+    assert len(true) > 200 and 0.1 < dark < 0.9
+    for method in rms.keys() - {"transfer"}:
+        assert rms[method] < 0.5 * rms["transfer"]

@@ -376,6 +376,42 @@ TEST_CASE("near lights that hardly moved are taken where they were, others are n
   CHECK(differs(light_at(1.0f, 1)) == 0);
 }
 
+TEST_CASE("what near lights change has another version where anything but a brightness is new") {
+  Mesh mesh;
+  mesh.vertices = {{0, 0, 0}, {0.1f, 0, 0}, {0, 0.1f, 0}, {0, 0, 0.1f}};
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  SceneOptions options;
+  options.sphere_count = 0;
+  Scene scene = make_scene(mesh, Material{}, {}, options);
+  Lighting lighting;
+  lighting.irradiance.polynomial[0] = glm::vec3(1);
+  const auto light_at = [](float turn, float irradiance) {
+    return NearLight{{std::sin(turn), 0, std::cos(turn)}, 2.0f, 0.05f, glm::vec3(irradiance)};
+  };
+  NearShares shares;
+  const auto renewed = [&](std::vector<NearLight> lights) {
+    const std::uint64_t before = shares.version();
+    lighting.near_lights.lights = std::move(lights);
+    shares.update(scene, lighting, SharesOf::directions);
+    REQUIRE(shares.lights().size() == lighting.near_lights.lights.size());
+    for (std::size_t i = 0; i < shares.lights().size(); ++i)
+      CHECK(shares.lights()[i].light.irradiance == lighting.near_lights.lights[i].irradiance);
+    return shares.version() != before;
+  };
+  CHECK(renewed({light_at(0.3f, 1), light_at(1, 1)}));
+  CHECK(!renewed({light_at(0.3f, 5), light_at(1, 2)}));
+  CHECK(renewed({light_at(1, 2), light_at(0.3f, 5)}));
+  CHECK(renewed({light_at(1, 2)}));
+  CHECK(!renewed({light_at(1, 3)}));
+  scene.marker_from_object.translation.x = 0.01;
+  CHECK(renewed({light_at(1, 3)}));
+  CHECK(renewed({}));
+  NearShares other;
+  lighting.near_lights.lights = {light_at(1, 3)};
+  other.update(scene, lighting, SharesOf::directions);
+  CHECK(other.version() != shares.version());
+}
+
 TEST_CASE("pieces of a map hold all of its light, none much more than a count's part of it") {
   constexpr int n = 32, kCount = 200;
   std::vector<glm::vec3> faces(6 * n * n, glm::vec3(0.2f, 0.3f, 0.5f));

@@ -250,7 +250,7 @@ void measure_shadows(const Scene& scene, const Maps& all, Costs& costs) {
 struct PixelShares {
   double traced, glossy;
 };
-PixelShares pixel_shares(Scene scene, const CubeMap& map, const CellLight& light,
+PixelShares pixel_shares(Scene scene, const Lighting& lighting, const CellLight& light,
                          std::vector<glm::vec4> shares) {
   scene.material.glossy = glm::vec3(0.3f);
   const View v = view(160);
@@ -267,7 +267,7 @@ PixelShares pixel_shares(Scene scene, const CubeMap& map, const CellLight& light
   costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / touched /
                  lobe_groups(scene.material.lobe());
   const ProcessorClock clock;
-  trace_shares(scene, map, eye, {shares, {}}, seen);
+  trace_shares(scene, lighting, eye, {shares, {}}, nullptr, seen);
   costs.traced = 1e9 * clock.seconds() / count;
   return costs;
 }
@@ -288,7 +288,8 @@ void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance,
   double rays = 0;
   const double traced = nanoseconds([&](int) {
     rays =
-        lights(scene, map, light, irradiance, v.camera, v.camera_from_marker, {shares, {}}, seen);
+        lights(scene, map, light, irradiance, v.camera, v.camera_from_marker, {shares, {}},
+                  nullptr, seen);
   });
   costs.light_ray = traced / at_least(rays, 1);
   const BrightCells cells(map, light, light_from_map, glm::mat3(1));
@@ -329,7 +330,7 @@ void measure_shares(const Scene& scene, const Maps& all, Costs& costs) {
                                        scene.normals, {0, -0.35f, 0.3f}, shares);
                        }) /
                        count / lobe_groups(LobeShape{});
-  const PixelShares by_pixel = pixel_shares(scene, *all[0], light, shares);
+  const PixelShares by_pixel = pixel_shares(scene, lighting, light, shares);
   costs.traced_pixel = by_pixel.traced, costs.pixel_group = by_pixel.glossy;
   measure_rays(scene, *all[0], lighting.irradiance, costs);
   SceneShadow caster;

@@ -13,6 +13,7 @@
 #include "fastibl/scene/object_layer.h"
 #include "fastibl/scene/picture.h"
 #include "fastibl/scene/shadow_map.h"
+#include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/self_shadow.h"
 
 namespace fastibl {
@@ -41,6 +42,7 @@ struct RenderInput {
   std::span<const glm::vec4> holdout_ratios = {};
   // light_shares of the map alone, where near lights or the plane change those.
   std::span<const glm::vec4> self_shares = {};
+  const NearShares* near_shares = nullptr;  // what near lights change in light_shares, if anything
   const CellLight* cell_light = nullptr;  // that these shares were found with, if any
   bool shades_alike_as_one = false;       // see Plan; a GPU shades each triangle's part by itself
   int supersampling = 1;                  // see SessionOptions

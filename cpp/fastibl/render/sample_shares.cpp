@@ -119,8 +119,8 @@ LightRays trace_lights(const SceneSamples& samples, const CubeMap& map,
         hidden[k].set(visibility.edges_of(corner), visibility.size);
         corners[k] = {cells.states(all.masks(), samples.normals[corner]), samples.normals[corner]};
       }
-      const std::uint64_t asked =
-          BrightCells::unsure(corners[0].states, corners[1].states, corners[2].states);
+      const LightTracer::Asked asked =
+          tracer.unsure(corners[0].states, corners[1].states, corners[2].states);
       if (!tracer.changes(shares[i], asked)) continue;
       // As many rays as from a pixel's samples, so that they are counted as there.
       const std::array starts{s.start, s.start, s.start, s.start};

@@ -91,13 +91,6 @@ std::vector<int> brightest(const std::vector<float>& flux) {
   return cells;
 }
 
-glm::vec3 share_of(glm::vec3 part, glm::vec3 whole) {
-  glm::vec3 share(0);
-  for (int c = 0; c < 3; ++c)
-    if (whole[c] > 0) share[c] = part[c] / whole[c];
-  return share;
-}
-
 }  // namespace
 
 BrightCells::BrightCells(const CubeMap& map, const CellLight& light,
@@ -330,6 +323,31 @@ std::uint64_t BrightCells::counted(glm::vec3 normal, glm::vec3 view, const LobeH
   for (std::size_t i = 0; i < cells_.size(); ++i)
     if (weights[i] > kCounts * all) result |= std::uint64_t{1} << i;
   return result;
+}
+
+std::uint64_t BrightCells::parts_towards(glm::vec3 direction, float sin_radius,
+                                         std::array<float, kMost>& parts) const {
+  // Rays have equal parts of their cell's light, so they tell how much of it lies in the disc. A
+  // few are some other light's.
+  constexpr float kLeast = 0.25f, kRim = 1.1f;
+  const float sine = std::min(kRim * sin_radius, 1.0f), cosine = std::sqrt(1 - sine * sine);
+  parts.fill(0);
+  std::uint64_t found = 0;
+  float all = 0;
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    const Cell& cell = cells_[i];
+    int inside = 0;
+    for (std::size_t r = cell.first; r < cell.first + cell.count; ++r)
+      inside += direction.x * lit_rays_.x[r] + direction.y * lit_rays_.y[r] +
+                    direction.z * lit_rays_.z[r] >=
+                cosine;
+    const float part = float(inside) / float(cell.count);
+    if (part < kLeast) continue;
+    found |= std::uint64_t{1} << i;
+    all += parts[i] = part * cell.share;
+  }
+  for (float& part : parts) part = all > 0 ? part / all : 0;
+  return found;
 }
 
 float BrightCells::width() const { return std::sqrt(4 * kPi) / float(std::max(size_, 1)); }

@@ -84,6 +84,10 @@ class BrightCells {
   // it sees of all others, as LobeCells has it without them.
   std::uint64_t counted(glm::vec3 normal, glm::vec3 view, const LobeHeight& lobe, float rest) const;
   float width() const;  // of a cell, radians
+  // The parts of the map's light in a disc that each cell has, in all 1. direction: unit, in the
+  // light's frame. Returns the cells, a bit for each; none where its light is in no cell.
+  std::uint64_t parts_towards(glm::vec3 direction, float sin_radius,
+                              std::array<float, kMost>& parts) const;
   // Sums of these cells' light in a lobe. Adds up how many rays it looked at.
   LobeCells::Sums lobe_sums(const Seen& seen, glm::vec3 normal, glm::vec3 view,
                             const LobeHeight& lobe, std::uint64_t counted, int& looked) const;

@@ -1,6 +1,7 @@
 #include "fastibl/shading/near_shares.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <optional>
 
@@ -8,6 +9,7 @@
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/hidden_cells.h"
+#include "fastibl/shading/sunflower.h"
 
 namespace fastibl {
 namespace {
@@ -23,17 +25,6 @@ float free_share(const HiddenCells& hidden, const OctahedralGrid::Corners& corne
   for (int k = 0; k < 4; ++k) free += hidden[corners.cells[k]] ? 0 : corners.shares[k];
   return free;
 }
-
-// A sunflower's seeds: even over the disc.
-struct Seeds {
-  float radius[kMostPoints], cosine[kMostPoints], sine[kMostPoints];  // radius: by 1/√count
-  Seeds() {
-    for (int i = 0; i < kMostPoints; ++i) {
-      const float turn = float(i) * 2.39996323f;
-      radius[i] = std::sqrt(float(i) + 0.5f), cosine[i] = std::cos(turn), sine[i] = std::sin(turn);
-    }
-  }
-};
 
 // Points of a light's disc, in the frame of the object, and the cells around them.
 struct Disc {
@@ -51,10 +42,8 @@ struct Disc {
       corners[0] = grid.around(towards);
       return;
     }
-    static const Seeds seeds;
-    const glm::vec3 other = std::fabs(towards.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
-    const glm::vec3 right = glm::normalize(glm::cross(other, towards)),
-                    up = glm::cross(towards, right);
+    static const Sunflower<kMostPoints> seeds;
+    const auto [right, up] = DiscFrame(towards);
     const float scale = sin_radius / std::sqrt(float(count));
     for (int i = 0; i < kMostPoints; ++i) {  // all, for the processor's lanes
       const float r = scale * seeds.radius[i], c = r * seeds.cosine[i], s = r * seeds.sine[i];
@@ -81,6 +70,25 @@ float free_part(const HiddenCells& hidden, const Disc& disc, glm::vec3 normal) {
   return seen > 0 ? free / float(seen) : 1.0f;
 }
 
+// What all of the disc and of the cells around it have in common. towards: the light, unit.
+NearState state_of(const HiddenCells& hidden, const OctahedralGrid& grid, glm::vec3 towards,
+                   float sin_radius, glm::vec3 normal) {
+  constexpr float kLow = 0.05f, kGrazing = 0.1f;  // cosines, as in bright_cells.cpp
+  const float cosine = glm::dot(towards, normal);
+  if (cosine < -sin_radius - kLow) return NearState::low;
+  if (cosine < kGrazing) return NearState::mixed;
+  const float cell = std::sqrt(4 * kPi) / float(grid.size());
+  const float free =
+      free_part(hidden, Disc(grid, towards, std::min(sin_radius + cell, 1.0f)), normal);
+  constexpr float kAll = 1 - 1e-5f;
+  return free >= kAll ? NearState::open : free <= 1 - kAll ? NearState::hidden : NearState::mixed;
+}
+
+std::uint64_t next_version() {
+  static std::atomic<std::uint64_t> last = 0;
+  return ++last;
+}
+
 bool hardly_moved(const NearLight& a, const NearLight& b) {
   constexpr float kMost = NearShares::kKeptAngle, kNearness = 0.003f, kSize = 0.01f;
   const glm::vec3 turn = a.direction - b.direction;
@@ -98,12 +106,15 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
                     count = vertices * std::size_t(scene.sides());
   const NearLights& near_lights = lighting.near_lights;
   std::vector<glm::vec3> shares(count, glm::vec3(0));
-  if (near_lights.empty()) return shares;
+  if (near_lights.empty()) {
+    lights_.clear(), version_ = next_version();
+    return shares;
+  }
   const VertexVisibility* visibility =
       of == SharesOf::directions ? scene.directions.get() : nullptr;
   const Basis basis{scene.mesh.vertices.data(), visibility,         count,
                     scene.marker_from_object,   near_lights.centre, of};
-  if (!(basis == basis_)) basis_ = basis, kept_.clear();
+  if (!(basis == basis_)) basis_ = basis, lights_.clear(), version_ = next_version();
   const glm::mat3 turn(scene.marker_from_object.rotation), back = glm::transpose(turn);
   const glm::vec3 shift(scene.marker_from_object.translation);
   std::vector<glm::vec3> normals(count), all(count);
@@ -111,24 +122,32 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
     normals[i] = i < vertices ? turn * scene.normals[i] : -normals[i - vertices];
   evaluate(lighting.irradiance, normals, all);
 
-  std::vector<Kept> now;
+  std::vector<OfLight> now;
   std::vector<std::size_t> moved;  // of those
   for (const NearLight& light : near_lights.lights) {
-    const auto same = std::find_if(kept_.begin(), kept_.end(), [&](const Kept& k) {
+    const auto same = std::find_if(lights_.begin(), lights_.end(), [&](const OfLight& k) {
       return !k.changes.empty() && hardly_moved(k.light, light);
     });
-    if (same == kept_.end()) moved.push_back(now.size());
-    now.push_back(same == kept_.end() ? Kept{light, std::vector<float>(count)} : std::move(*same));
+    if (std::size_t(same - lights_.begin()) != now.size()) version_ = next_version();
+    if (same == lights_.end()) {
+      moved.push_back(now.size());
+      now.push_back({light, std::vector<float>(count),
+                     std::vector<NearState>(visibility ? count : 0, NearState::open)});
+    } else {
+      now.push_back(std::move(*same));
+      now.back().light.irradiance = light.irradiance;
+    }
   }
-  kept_ = std::move(now);
+  if (!moved.empty() || now.size() != lights_.size()) version_ = next_version();
+  lights_ = std::move(now);
 
   const OctahedralGrid* grid = visibility ? &octahedral_grid(visibility->size) : nullptr;
   // The disc of each light that moved, as the map's centre sees it.
   std::vector<Disc> discs;
   if (grid)
     for (const std::size_t k : moved)
-      discs.emplace_back(*grid, back * kept_[k].light.direction,
-                         std::min(kept_[k].light.sin_radius, 1.0f));
+      discs.emplace_back(*grid, back * lights_[k].light.direction,
+                         std::min(lights_[k].light.sin_radius, 1.0f));
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     std::optional<HiddenCells> hidden;
     if (grid && !moved.empty()) hidden.emplace(grid->size());
@@ -140,27 +159,27 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
           turn * scene.mesh.vertices[i % vertices] + shift - near_lights.centre;
       const glm::vec3 normal = back * normals[i];
       for (std::size_t m = 0; m < moved.size(); ++m) {
-        Kept& kept = kept_[moved[m]];
-        const NearLight& light = kept.light;
+        OfLight& of_light = lights_[moved[m]];
+        const NearLight& light = of_light.light;
         const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance, offset);
         float here = shared::near_irradiance(arrow, light.sin_radius, normals[i]);
         float centre = shared::near_irradiance(light.direction, light.sin_radius, normals[i]);
         if (!edges.empty()) {
           const float length = glm::length(arrow);
-          if (here > 0 && length > 1e-6f)
-            here *= free_part(
-                *hidden,
-                Disc(*grid, back * (arrow / length), std::min(light.sin_radius / length, 1.0f)),
-                normal);
+          if (length > 1e-6f) {
+            const glm::vec3 towards = back * (arrow / length);
+            const float sin_radius = std::min(light.sin_radius / length, 1.0f);
+            if (here > 0) here *= free_part(*hidden, Disc(*grid, towards, sin_radius), normal);
+            of_light.states[i] = state_of(*hidden, *grid, towards, sin_radius, normal);
+          }
           if (centre > 0) centre *= free_part(*hidden, discs[m], normal);
         }
-        kept.changes[i] = here - centre;
+        of_light.changes[i] = here - centre;
       }
     }
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       glm::vec3 change(0);
-      for (std::size_t k = 0; k < kept_.size(); ++k)
-        change += kept_[k].changes[i] * near_lights.lights[k].irradiance;
+      for (const OfLight& l : lights_) change += l.changes[i] * l.light.irradiance;
       if (of == SharesOf::visibility) change *= scene.visibility[i % vertices];
       for (int c = 0; c < 3; ++c)
         shares[i][c] = all[i][c] > 0 ? std::clamp(change[c] / all[i][c], -1.0f, kMostShare) : 0.0f;

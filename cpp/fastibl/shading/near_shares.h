@@ -1,6 +1,7 @@
 // What near lights give an object by the place of each vertex, not only by its normal.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "fastibl/scene/lighting.h"
@@ -15,6 +16,9 @@ enum class SharesOf {
   directions   // diffuse_shares()
 };
 
+// What the object hides of a near light from an entry of its directions, and around it.
+enum class NearState : std::uint8_t { low, open, hidden, mixed };  // low: below the tangent plane
+
 // Keeps what depends on the place of a light, which changes far less than its brightness.
 class NearShares {
  public:
@@ -27,14 +31,21 @@ class NearShares {
   // that angle's part of a cell of the visibility: 0.6 % of such a light.
   std::vector<glm::vec3> update(const Scene& scene, const Lighting& lighting, SharesOf shares);
 
+  struct OfLight {
+    NearLight light;                // its place is that for which these were found
+    std::vector<float> changes;     // in units of its irradiance on a facing surface, by entry
+    std::vector<NearState> states;  // by entry, for SharesOf::directions; else empty
+  };
+  // Of the last update.
+  const std::vector<OfLight>& lights() const { return lights_; }
+  glm::vec3 centre() const { return basis_.centre; }  // of the map, marker frame
+  // Another one where anything but an irradiance is new in lights(); of any NearShares.
+  std::uint64_t version() const { return version_; }
+
   static constexpr float kMostShare = 1000;
   static constexpr float kKeptAngle = 6e-4f;  // radians
 
  private:
-  struct Kept {
-    NearLight light;             // as when these were found
-    std::vector<float> changes;  // in units of its irradiance on a facing surface, by vertex
-  };
   // What all this was worked out for.
   struct Basis {
     const void *vertices = nullptr, *visibility = nullptr;
@@ -45,7 +56,8 @@ class NearShares {
     bool operator==(const Basis&) const = default;
   };
   Basis basis_;
-  std::vector<Kept> kept_;
+  std::vector<OfLight> lights_;
+  std::uint64_t version_ = 0;
 };
 
 }  // namespace fastibl

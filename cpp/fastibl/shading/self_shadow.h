@@ -62,6 +62,14 @@ class CellLight {
   std::vector<float> flux_;
 };
 
+// By channel, 0 where there is no light.
+inline glm::vec3 share_of(glm::vec3 part, glm::vec3 whole) {
+  glm::vec3 share(0);
+  for (int c = 0; c < 3; ++c)
+    if (whole[c] > 0) share[c] = part[c] / whole[c];
+  return share;
+}
+
 // Results are one for each entry of the visibility: for each vertex and, where it has two sides,
 // for their backs after them. normals: of the vertices, unit, mesh frame.
 

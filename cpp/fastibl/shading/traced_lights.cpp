@@ -1,8 +1,10 @@
 #include "fastibl/shading/traced_lights.h"
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "fastibl/core/parallel.h"
 #include "fastibl/shading/bake_visibility.h"
@@ -15,24 +17,49 @@ constexpr int kGrain = 512;  // entries
 
 }  // namespace
 
+std::vector<NearCells> near_cells(const NearTracer& near, const BrightCells& cells) {
+  std::vector<NearCells> result;
+  for (const NearTracer::Light& l : near.lights()) {
+    NearCells& of = result.emplace_back();
+    of.cells = cells.parts_towards(l.direction, l.sin_radius, of.parts);
+  }
+  return result;
+}
+
 LightTracer::LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
                          const Irradiance& irradiance, const Material& material,
-                         const glm::mat3& map_from_light)
+                         const glm::mat3& map_from_light, const NearTracer* near)
     : bvh_(bvh),
       cells_(cells),
       irradiance_(irradiance),
       map_from_light_(map_from_light),
+      near_(near),
       diffuse_(material.reads_irradiance()),
       height_(material.lobe(), kSharpest) {
   height_.f0 = 1;  // as for the other cells
+  if (near_ && diffuse_) near_cells_ = near_cells(*near_, cells);
   if (const std::optional<LobeShape> lobe = material.lobe())
     lobe_.emplace(light, *lobe, cells.indices());
 }
 
+LightTracer::Asked LightTracer::unsure(const CellStates& a, const CellStates& b,
+                                       const CellStates& c,
+                                       const NearTracer::Entries& entries) const {
+  Asked asked{BrightCells::unsure(a, b, c)};
+  const bool bent = !near_cells_.empty() && near_->bent(entries);
+  for (std::size_t i = 0; i < near_cells_.size(); ++i) {
+    const std::uint64_t cells = near_cells_[i].cells;
+    if (cells == 0) continue;
+    if (bent || (cells & asked.cells) != 0 ||
+        near_->between(near_->lights()[i], entries) == NearState::mixed)
+      asked.near |= std::uint32_t{1} << i;
+  }
+  return asked;
+}
+
 LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
                                       const BrightCells::Corners& corners,
-                                      const LobeCells::Corners& between,
-                                      std::uint64_t asked) const {
+                                      const LobeCells::Corners& between, Asked asked) const {
   const bool glossy = lobe_ && is_touched(share.w);
   LobeCells::Sums sums;
   std::uint64_t counted = 0;
@@ -41,21 +68,33 @@ LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
     sums = lobe_->sums(place.normal, place.view, between);
     counted = cells_.counted(place.normal, place.view, height_, sums.all);
     count.summed = int(cells_.cells().size());
-    if (!diffuse_) asked &= counted;
+    if (!diffuse_) asked.cells &= counted;
   }
   thread_local BrightCells::Seen seen;
-  count.traced = cells_.look(bvh_, place.starts, place.normal, corners, asked, seen);
-  if (diffuse_ && asked != 0) {
+  count.traced = cells_.look(bvh_, place.starts, place.normal, corners, asked.cells, seen);
+  if (diffuse_ && asked.any()) {
     std::array<glm::vec3, 4> normals, irradiance;
     for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_light_ * corners[k].normal;
     normals[3] = map_from_light_ * place.normal;
     evaluate(irradiance_, normals, irradiance);
     // Where a fragment stands for several triangles, its share is their mean.
     const glm::vec3 before = glm::vec3(share) - place.of_others;
-    const glm::vec3 change =
-        cells_.change(seen, place.normal, corners, between.weights, irradiance, before, asked);
+    const glm::vec3 change = cells_.change(seen, place.normal, corners, between.weights, irradiance,
+                                           before, asked.cells);
     const glm::vec3 of_map = glm::clamp(before + change, glm::vec3(0), glm::vec3(1));
-    share = glm::vec4(glm::max(of_map + place.of_others, glm::vec3(0)), share.w);
+    glm::vec3 of_others = place.of_others;
+    if (asked.near != 0) {
+      std::array<float, NearTracer::kMost> lost{};
+      for (std::size_t i = 0; i < near_cells_.size(); ++i)
+        for (std::uint64_t left = near_cells_[i].cells; left != 0; left &= left - 1) {
+          const auto c = std::size_t(std::countr_zero(left));
+          lost[i] += near_cells_[i].parts[c] * seen.lost[c];
+        }
+      of_others += near_->change(
+          {place.normal, place.starts, place.entries, between.weights, irradiance, place.own},
+          asked.near, lost, count.traced);
+    }
+    share = glm::vec4(glm::max(of_map + of_others, glm::vec3(0)), share.w);
   }
   if (glossy) {
     const LobeCells::Sums bright =
@@ -141,12 +180,15 @@ static_assert(kSamples == BrightCells::kStarts);
 double TracedLights::operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
                                 const Irradiance& irradiance, const Camera& camera,
                                 const Pose& camera_from_marker, const EntryShares& shares,
-                                std::span<FragmentBand> bands) {
+                                const NearShares* near, std::span<FragmentBand> bands) {
   if (!scene.bvh || !can_ask(scene, light, shares.own)) return 0;
   entries_.keep(scene, map, light);
   const std::vector<CellStates>& states = entries_.states();
+  std::optional<NearTracer> to_near;
+  if (near) to_near.emplace(scene, *near);
   const LightTracer tracer(*scene.bvh, entries_.cells(), light, irradiance, scene.material,
-                           glm::mat3(scene.marker_from_object.rotation));
+                           glm::mat3(scene.marker_from_object.rotation),
+                           to_near ? &*to_near : nullptr);
   if (tracer.mask_size()) lobe_masks_.keep(scene.directions, *tracer.mask_size());
   const float offset = ray_offset(scene.mesh);
   const FragmentPlaces places(scene);
@@ -157,8 +199,8 @@ double TracedLights::operator()(const Scene& scene, const CubeMap& map, const Ce
     for (int i = begin; i < end; ++i)
       for (Fragment& f : bands[std::size_t(i)].object) {
         const std::array<std::size_t, 3> entries = places.entries(f);
-        const std::uint64_t asked =
-            BrightCells::unsure(states[entries[0]], states[entries[1]], states[entries[2]]);
+        const LightTracer::Asked asked =
+            tracer.unsure(states[entries[0]], states[entries[1]], states[entries[2]], entries);
         if (!tracer.changes(f.share, asked)) continue;
         const FragmentPlace at = places.of(f);
         const TrianglePlace& place = at.place;
@@ -168,12 +210,13 @@ double TracedLights::operator()(const Scene& scene, const CubeMap& map, const Ce
           corners[k] = {states[entries[k]], place.corners[k].normal};
           if (tracer.mask_size()) between.hidden[k] = lobe_masks_.of(entries[k]);
         }
-        rays[std::size_t(i)] += tracer
-                                    .trace(f.share,
-                                           {starts.of(f, place), place.normal, places.view(f, eye),
-                                            shares.of_others(at)},
-                                           corners, between, asked)
-                                    .traced;
+        rays[std::size_t(i)] +=
+            tracer
+                .trace(f.share,
+                       {starts.of(f, place), place.normal, places.view(f, eye),
+                        shares.of_others(at), entries, shares.of_map_at(entries)},
+                       corners, between, asked)
+                .traced;
       }
   });
   return std::accumulate(rays.begin(), rays.end(), 0.0);

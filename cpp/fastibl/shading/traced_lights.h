@@ -17,6 +17,8 @@
 #include "fastibl/shading/bright_cells.h"
 #include "fastibl/shading/hidden_masks.h"
 #include "fastibl/shading/lobe_cells.h"
+#include "fastibl/shading/near_shares.h"
+#include "fastibl/shading/near_tracer.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/triangle_place.h"
@@ -27,19 +29,30 @@ namespace fastibl {
 // the scene's entries.
 bool can_ask(const Scene& scene, const CellLight& light, std::span<const glm::vec4> shares);
 
+// Bright cells that hold light of a near light, and the part of it that each has.
+struct NearCells {
+  std::uint64_t cells = 0;  // a bit for each; none: a faint light, which is left to the vertices
+  std::array<float, BrightCells::kMost> parts;
+};
+// By light.
+std::vector<NearCells> near_cells(const NearTracer& near, const BrightCells& cells);
+
 // Shares of the light at places between three corners. Keeps references.
 class LightTracer {
  public:
   static constexpr float kSharpest = 1e6f;  // lobe that is summed over rays
   // cells: of the light. irradiance: by which diffuse_shares() found the shares of the corners.
+  // near: lights that are traced to where they are, if any.
   LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
               const Irradiance& irradiance, const Material& material,
-              const glm::mat3& map_from_light);
+              const glm::mat3& map_from_light, const NearTracer* near = nullptr);
 
   struct Place {
     std::span<const glm::vec3> starts;  // of rays, in the bvh's frame: one, or one a sample
     glm::vec3 normal, view;             // unit, in the light's frame
     glm::vec3 of_others;                // what is not the map's in the share, see EntryShares
+    NearTracer::Entries entries{};      // where there are near lights; and the shares that
+    std::array<glm::vec3, 3> own{};     // they have by the map alone
   };
   // Changes a share that was interpolated between the corners' shares: of the irradiance (RGB)
   // where light is asked for, see BrightCells::unsure(); and of glossy light, by the place's own
@@ -49,11 +62,19 @@ class LightTracer {
     int traced = 0;  // rays
     int summed = 0;  // of glossy light, by rays and middles of cells
   };
+  // What corners do not tell: of bright cells, and of near lights, a bit for each.
+  struct Asked {
+    std::uint64_t cells = 0;
+    std::uint32_t near = 0;
+    bool any() const { return cells != 0 || near != 0; }
+  };
+  Asked unsure(const CellStates& a, const CellStates& b, const CellStates& c,
+               const NearTracer::Entries& entries = {}) const;
   Count trace(glm::vec4& share, const Place& place, const BrightCells::Corners& corners,
-              const LobeCells::Corners& between, std::uint64_t asked) const;
+              const LobeCells::Corners& between, Asked asked) const;
   // Whether trace() does anything.
-  bool changes(glm::vec4 share, std::uint64_t asked) const {
-    return (diffuse_ && asked != 0) || (lobe_ && is_touched(share.w));
+  bool changes(glm::vec4 share, Asked asked) const {
+    return (diffuse_ && asked.any()) || (lobe_ && is_touched(share.w));
   }
   std::optional<int> mask_size() const {
     return lobe_ ? std::optional(lobe_->size()) : std::nullopt;
@@ -64,6 +85,8 @@ class LightTracer {
   const BrightCells& cells_;
   const Irradiance& irradiance_;
   glm::mat3 map_from_light_;
+  const NearTracer* near_;
+  std::vector<NearCells> near_cells_;  // by near light
   bool diffuse_;
   std::optional<LobeCells> lobe_;  // without the bright cells
   LobeHeight height_;
@@ -91,11 +114,12 @@ class TracedLights {
  public:
   // Changes the fragments' shares, which were interpolated from diffuse_shares() and
   // glossy_shares(). shares: those of the corners. light: of the map, in the cells of the scene's
-  // directions. Does nothing where the scene has no bvh. Returns how many rays it traced.
+  // directions. near: what near lights change in the shares, if anything. Does nothing where the
+  // scene has no bvh. Returns how many rays it traced.
   double operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
                     const Irradiance& irradiance, const Camera& camera,
                     const Pose& camera_from_marker, const EntryShares& shares,
-                    std::span<FragmentBand> bands);
+                    const NearShares* near, std::span<FragmentBand> bands);
 
  private:
   EntryCells entries_;

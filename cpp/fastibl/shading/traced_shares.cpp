@@ -1,6 +1,7 @@
 #include "fastibl/shading/traced_shares.h"
 
 #include <algorithm>
+#include <array>
 #include <unordered_map>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "fastibl/shading/hidden_cells.h"
 #include "fastibl/shading/light_sums.h"
 #include "fastibl/shading/lobe_cells.h"
+#include "fastibl/shading/near_tracer.h"
 
 namespace fastibl {
 namespace {
@@ -158,7 +160,8 @@ float TracedLight::along_taps(std::span<const LobeTap> taps, glm::vec3 start) co
   return all > 0 ? std::clamp(free / all, 0.0f, 1.0f) : 1.0f;
 }
 
-void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye, const EntryShares& shares,
+void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
+                  const EntryShares& shares, const NearShares* near,
                   std::span<FragmentBand> bands) {
   if (!scene.bvh || !scene.directions || shares.own.size() != scene.directions->entries()) return;
   const bool diffuse = scene.material.reads_irradiance();
@@ -166,8 +169,26 @@ void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye, const E
   if (!diffuse && !lobe) return;
   const glm::mat3 map_from_mesh(scene.marker_from_object.rotation);
   const float offset = ray_offset(scene.mesh);
-  const TracedLight light(*scene.bvh, map, map_from_mesh, diffuse, lobe);
+  const TracedLight light(*scene.bvh, *lighting.radiance, map_from_mesh, diffuse, lobe);
   const FragmentPlaces places(scene);
+  std::optional<NearTracer> to_near;
+  if (near) to_near.emplace(scene, *near);
+  // What near lights change, less what is interpolated.
+  const auto near_change = [&](const FragmentPlace& at, glm::vec3 start) {
+    if (!to_near) return glm::vec3(0);
+    std::array<glm::vec3, 4> normals, irradiance;
+    for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_mesh * at.place.corners[k].normal;
+    normals[3] = map_from_mesh * at.place.normal;
+    evaluate(lighting.irradiance, normals, irradiance);
+    const std::array<glm::vec3, 3> own = shares.of_map_at(at.entries);
+    const NearTracer::Place place{at.place.normal,  {&start, 1}, at.entries,
+                                  at.place.weights, irradiance,  own};
+    int rays = 0;
+    std::array<float, NearTracer::kMost> lost{};
+    for (std::size_t k = 0; k < to_near->lights().size(); ++k)
+      lost[k] = to_near->lost(to_near->lights()[k], place, rays);
+    return to_near->change(place, ~std::uint32_t{0}, lost, rays);
+  };
   parallel_for(int(bands.size()), 4, [&](int begin, int end) {
     CornerPieces corner_pieces(scene, light.pieces());
     for (int i = begin; i < end; ++i)
@@ -178,14 +199,16 @@ void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye, const E
         const bool touched = std::ranges::any_of(
             entries, [&](std::size_t e) { return !scene.directions->edges_of(e).empty(); });
         if (!touched) continue;
+        const glm::vec3 start = ray_start(place, offset);
         const glm::vec4 traced = light.shares(
-            ray_start(place, offset), place.normal, places.view(f, eye),
+            start, place.normal, places.view(f, eye),
             scene.corners_tell ? corner_pieces.of(entries, place) : std::span<const PieceState>{});
         if (diffuse) {
           // Where a fragment stands for several triangles, its share is their mean.
           const glm::vec3 others = shares.of_others(at);
           const glm::vec3 own = glm::vec3(f.share) - others + glm::vec3(traced) - shares.of_map(at);
-          const glm::vec3 share = glm::clamp(own, glm::vec3(0), glm::vec3(1)) + others;
+          const glm::vec3 share =
+              glm::clamp(own, glm::vec3(0), glm::vec3(1)) + others + near_change(at, start);
           f.share = glm::vec4(glm::max(share, glm::vec3(0)), f.share.w);
         }
         if (lobe && is_touched(f.share.w)) f.share.w = traced.w;

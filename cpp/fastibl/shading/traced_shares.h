@@ -7,10 +7,12 @@
 
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/lighting.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/light_pieces.h"
+#include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/triangle_place.h"
 
@@ -51,8 +53,9 @@ class TracedLight {
 // Replaces the fragments' shares where the object hides anything from their triangle's corners.
 // Where corners tell of what is between them, no ray is traced for what all three corners and the
 // cells around a piece agree on. shares: of the corners, from which the fragments' are
-// interpolated. Does nothing where the scene has no bvh. eye: marker frame.
-void trace_shares(const Scene& scene, const CubeMap& map, glm::vec3 eye, const EntryShares& shares,
-                  std::span<FragmentBand> bands);
+// interpolated. lighting: with its map. near: what near lights change in them, if anything. Does
+// nothing where the scene has no bvh. eye: marker frame.
+void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
+                  const EntryShares& shares, const NearShares* near, std::span<FragmentBand> bands);
 
 }  // namespace fastibl

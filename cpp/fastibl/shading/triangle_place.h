@@ -39,6 +39,9 @@ struct EntryShares {
   glm::vec3 of_others(const FragmentPlace& at) const {
     return all.size() == own.size() ? sum(all, at) - sum(own, at) : glm::vec3(0);
   }
+  std::array<glm::vec3, 3> of_map_at(const std::array<std::size_t, 3>& entries) const {
+    return {own[entries[0]], own[entries[1]], own[entries[2]]};
+  }
 
  private:
   static glm::vec3 sum(std::span<const glm::vec4> shares, const FragmentPlace& at) {

@@ -1,6 +1,7 @@
 #include "fastibl/render/gl/pixel_shares.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -56,12 +57,16 @@ bool PixelShares::find(Gpu& gpu, LightTextures& light, const PixelParts& parts,
   const int rows = 4 / columns_;
   gpu.allocate(shares_, GL_RGBA16F, columns_ * parts.visible.width, rows * parts.visible.height,
                GL_RGBA, GL_HALF_FLOAT);
-  const Program& p = gpu.use("pixel_shares", {"DIFFUSE " + std::to_string(variant),
-                                              "LOBE " + std::to_string(shape ? 1 + shape->ggx : 0),
-                                              rays ? "RAYS 1" : "RAYS 0", distortion(*in.camera)});
+  std::optional<NearTracer> near;
+  if (variant != 0 && in.near_shares) near.emplace(scene, *in.near_shares);
+  const Program& p = gpu.use(
+      "pixel_shares",
+      {"DIFFUSE " + std::to_string(variant), "LOBE " + std::to_string(shape ? 1 + shape->ggx : 0),
+       rays ? "RAYS 1" : "RAYS 0", near ? "NEAR 1" : "NEAR 0", distortion(*in.camera)});
   light.set_irradiance(gpu, p, variant, e);
   if (lobe) bind_lobe(gpu, p, *lobe, *shape);
   if (rays) bind_rays(gpu, p, in);
+  if (near) bind_near(gpu, p, *near, *in.near_shares, scene);
   const Pose camera_from_object = in.camera_from_marker * scene.marker_from_object;
   parts.bind(gpu, p, *in.camera, camera_from_object, curved_cosine(scene.material));
   gpu.bind("entries", entries_);
@@ -199,8 +204,8 @@ void PixelShares::bind_rays(Gpu& gpu, const Program& p, const RenderInput& in) {
   glUniform1f(p.uniform("cell_width"), known_.cells().width());
   set(p, "marker_from_object", glm::mat3(in.scene.marker_from_object.rotation));
   glUniform1f(p.uniform("ray_offset"), ray_offset(in.scene.mesh));
-  const bool others =
-      in.light_shares.size() == in.self_shares.size() && !same(in.light_shares, in.self_shares);
+  const bool others = in.light_shares.size() == in.self_shares.size() &&
+                      (in.near_shares || !same(in.light_shares, in.self_shares));
   glUniform1i(p.uniform("has_others"), others);
   if (others && !same(own_, in.self_shares)) {
     own_.clear();  // until it is uploaded
@@ -209,6 +214,46 @@ void PixelShares::bind_rays(Gpu& gpu, const Program& p, const RenderInput& in) {
     own_.assign(in.self_shares.begin(), in.self_shares.end());
   }
   if (others) gpu.bind("self_shares", self_shares_);
+}
+
+void PixelShares::bind_near(Gpu& gpu, const Program& p, const NearTracer& near,
+                            const NearShares& shares, const Scene& scene) {
+  const std::vector<NearTracer::Light>& lights = near.lights();
+  Near now{shares.version(), {}};
+  for (const NearTracer::Light& l : lights) now.lights.push_back(l.of - shares.lights().data());
+  if (!(now == near_of_)) {
+    near_of_ = {};  // until it is uploaded
+    std::vector<glm::uvec4> table(2 * scene.directions->entries(), glm::uvec4(0));
+    for (std::size_t e = 0; e < scene.directions->entries(); ++e) {
+      GLuint* texels = &table[2 * e].x;
+      for (std::size_t i = 0; i < lights.size(); ++i) {
+        texels[0] |= GLuint(lights[i].of->states[e]) << (2 * i);
+        texels[1 + i] = std::bit_cast<GLuint>(lights[i].of->changes[e]);
+      }
+    }
+    upload_table(gpu, near_entries_, table);
+    near_of_ = std::move(now);
+  }
+  const std::vector<NearCells> of_cells = near_cells(near, known_.cells());
+  std::vector<glm::uvec4> table;
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    const NearTracer::Light& l = lights[i];
+    table.emplace_back(bits(l.direction), std::bit_cast<GLuint>(l.inverse_distance));
+    table.emplace_back(bits(l.irradiance), std::bit_cast<GLuint>(l.sin_radius));
+    table.emplace_back(halves(of_cells[i].cells), 0u, 0u);
+  }
+  for (std::size_t c = 0; c < known_.cells().cells().size(); ++c) {
+    std::array<GLuint, 8> parts{};
+    for (std::size_t i = 0; i < lights.size(); ++i)
+      parts[i] = std::bit_cast<GLuint>(of_cells[i].parts[c]);
+    table.emplace_back(parts[0], parts[1], parts[2], parts[3]);
+    table.emplace_back(parts[4], parts[5], parts[6], parts[7]);
+  }
+  upload_table(gpu, near_lights_, table);
+  gpu.bind("near_lights", near_lights_);
+  gpu.bind("near_entries", near_entries_);
+  glUniform1i(p.uniform("near_count"), int(lights.size()));
+  set(p, "near_centre", near.centre());
 }
 
 }  // namespace fastibl

@@ -1,6 +1,7 @@
 // What the object hides of its light from single pixels, for the shade pass. Private to render/gl.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "fastibl/scene/vertex_visibility.h"
 #include "fastibl/shading/hidden_masks.h"
 #include "fastibl/shading/lobe_cells.h"
+#include "fastibl/shading/near_tracer.h"
 #include "fastibl/shading/traced_lights.h"
 
 namespace fastibl {
@@ -38,8 +40,11 @@ class PixelShares {
   void bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe, const LobeShape& shape);
   void set_tiles(const Program& p, const Area& area) const;
   void bind_rays(Gpu& gpu, const Program& p, const RenderInput& in);
+  void bind_near(Gpu& gpu, const Program& p, const NearTracer& near, const NearShares& shares,
+                 const Scene& scene);
 
-  Texture entries_, lobe_masks_, lobe_cells_, tree_, bright_, self_shares_, shares_;
+  Texture entries_, lobe_masks_, lobe_cells_, tree_, bright_, self_shares_, shares_, near_lights_,
+      near_entries_;
   int columns_ = 2;  // of tiles in shares_
   EntryCells known_;
   HiddenMasks masks_;
@@ -54,6 +59,13 @@ class PixelShares {
     bool rays = false;
     bool operator==(const Entries&) const = default;
   };
+  // Which lights, of which NearShares.
+  struct Near {
+    std::uint64_t version = 0;
+    std::vector<std::ptrdiff_t> lights;
+    bool operator==(const Near&) const = default;
+  };
+  Near near_of_;
   std::shared_ptr<const Bvh> tree_of_;
   Masks masks_of_;
   Entries entries_of_;
