@@ -79,6 +79,15 @@ def run_case(case: Case) -> Row:
 # --- outcomes
 
 
+def alike(name: str, cpu: np.ndarray, gl: np.ndarray, limit: float = 2e-3) -> Outcome:
+    """Pictures of both back ends. limit: by the brightest value, for 99 of 100 pixels."""
+    if cpu.shape != gl.shape:
+        return Outcome(False, f"{name}: {cpu.shape} and {gl.shape}")
+    largest = max(float(cpu.max()), 1e-20)
+    worst = float(np.quantile(np.abs(cpu - gl).max(axis=-1), 0.99)) / largest
+    return Outcome(worst <= limit, f"{name}: {worst:.1e}" if worst > limit else f"within {limit:g}")
+
+
 def both(*outcomes: Outcome) -> Outcome:
     """All outcomes as one, with the words of those that are broken, or else of all."""
     broken = [o for o in outcomes if not o.held]

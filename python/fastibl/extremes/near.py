@@ -12,8 +12,8 @@ from .._fastibl import DirectionShadow, Environment, Material, Rig, Scene
 from ..lighting import Lighting
 from ..recording import Frame
 from ..session import Session
-from .case import Case, Outcome, both, is_light, is_ratio, refused
-from .worlds import FRONT, PICTURE, ball_mesh, map_named
+from .case import Case, Outcome, alike, both, is_light, is_ratio, refused
+from .worlds import FRONT, PICTURE, ball_mesh, map_named, two_balls
 
 CENTRE = (0.0, 0.0, 0.06)
 PLACES = {
@@ -33,6 +33,8 @@ PLACES = {
     "1e-30 m away": (0.0, 0.0, 0.06 + 1e-30, 1e-31),
     "where the map is dark": (-0.3, -0.2, -0.2, 0.05),
 }
+# Rays to where a light is, from every pixel.
+BY_RAYS = (("traced-lights", "cpu"), ("traced", "cpu"), ("traced-lights", "gl"))
 
 
 def cases() -> Iterator[Case]:
@@ -46,6 +48,21 @@ def cases() -> Iterator[Case]:
                 backend,
             )
         yield Case("near light", f"a lamp {name}: shadow", "ratios in [0, 1]", partial(_shadow, place))
+        for method, backend in BY_RAYS:
+            yield Case(
+                "near light",
+                f"a lamp {name}: own shadow, {method}",
+                "finite; nowhere brighter than 1.1 times the brightest place with nothing hidden",
+                partial(_hidden, place, method, backend),
+                backend,
+            )
+        yield Case(
+            "near light",
+            f"a lamp {name}: own shadow, GL against CPU",
+            "99 % of pixels within 1 % of the brightest",
+            partial(_agree, place),
+            "gl",
+        )
     for name, options in (
         ("a box that does not hold the centre", {"box": [(1, 1, 1), (2, 2, 2)]}),
         ("a box of NaN", {"box": [(np.nan, -1, -1), (1, 1, 1)]}),
@@ -90,6 +107,32 @@ def _drawn(place, backend: str) -> Outcome:
         is_light(session.object.rgba[..., :3], 100 * 400.0, "light"),
         is_light(gain.image, 10.0, "gain of the plane"),
     )
+
+
+@cache
+def _balls(method: str, backend: str) -> Session:
+    methods = {"diffuse": "irradiance-cube", "self_shadow": method, "bounce": "none"}
+    scene = Scene(two_balls(), Material(diffuse=(0.6, 0.6, 0.6)), spheres=0)
+    return Session(scene, Rig(PICTURE), methods=methods, backend=backend)
+
+
+@cache
+def _balls_layer(place, method: str, backend: str) -> np.ndarray:
+    session = _balls(method, backend)
+    session.set_environment(_environment(place))
+    session.process(Frame(time=0.0, back_from_marker=FRONT))
+    return session.object.rgba
+
+
+def _hidden(place, method: str, backend: str) -> Outcome:
+    rgba, bare = _balls_layer(place, method, backend), _balls_layer(place, "none", backend)
+    # A tenth more: without rays, a lamp's light is interpolated between vertices.
+    return both(is_light(rgba, what="object"), is_light(rgba[..., :3], 1.1 * float(bare[..., :3].max()), "brightest"))
+
+
+def _agree(place) -> Outcome:
+    cpu, gl = (_balls_layer(place, "traced-lights", backend) for backend in ("cpu", "gl"))
+    return alike("traced-lights", cpu, gl, 0.01)
 
 
 def _shadow(place) -> Outcome:

@@ -10,7 +10,7 @@ import numpy as np
 from .._fastibl import Camera, CubeMap, Environment, Material, Mesh, Pose, Rig, Scene
 from ..recording import Frame
 from ..session import Session
-from .case import Case, Outcome, both, each, equal, is_light, is_ratio, refused, result_or_refusal
+from .case import Case, Outcome, alike, both, each, equal, is_light, is_ratio, refused, result_or_refusal
 from .worlds import (
     CONSTANT,
     DEGENERATE,
@@ -21,6 +21,7 @@ from .worlds import (
     degenerate,
     map_named,
     seen_from,
+    two_balls,
 )
 
 MATERIALS = {
@@ -190,25 +191,14 @@ def _lit(name: str, material: str, backend: str) -> Outcome:
 
 
 def _agree(name: str, material: str) -> Outcome:
-    return _alike(name, _layer(name, material, "cpu"), _layer(name, material, "gl"))
-
-
-def _alike(name: str, cpu: np.ndarray, gl: np.ndarray) -> Outcome:
-    if cpu.shape != gl.shape:
-        return Outcome(False, f"{name}: {cpu.shape} and {gl.shape}")
-    largest = max(float(cpu.max()), 1e-20)
-    worst = float(np.quantile(np.abs(cpu - gl).max(axis=-1), 0.99)) / largest
-    return Outcome(worst <= 2e-3, f"{name}: {worst:.1e}" if worst > 2e-3 else "within 2e-3")
+    return alike(name, _layer(name, material, "cpu"), _layer(name, material, "gl"))
 
 
 @cache
 def _balls(method: str, backend: str) -> Session:
-    ball = _ball()
-    vertices = np.concatenate([ball.vertices, 0.4 * ball.vertices + np.array([0.02, -0.03, 0.12])])
-    mesh = Mesh(vertices, np.concatenate([ball.triangles, ball.triangles + len(ball.vertices)]))
     return _session(
         "black",
-        Scene(mesh, Material(glossy=(0.2, 0.2, 0.2)), spheres=0),
+        Scene(two_balls(), Material(glossy=(0.2, 0.2, 0.2)), spheres=0),
         backend,
         methods={"diffuse": "irradiance-cube", "self_shadow": method, "bounce": "none"},
     )
@@ -228,7 +218,8 @@ def _by_pixel(method: str, name: str, backend: str) -> Outcome:
 
 
 def _by_pixel_agree(name: str) -> Outcome:
-    return _alike(name, *(_balls_layer("traced-lights", name, backend) for backend in ("cpu", "gl")))
+    cpu, gl = (_balls_layer("traced-lights", name, backend) for backend in ("cpu", "gl"))
+    return alike(name, cpu, gl)
 
 
 @cache  # sessions use copies of it

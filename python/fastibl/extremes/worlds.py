@@ -137,6 +137,13 @@ def ball_mesh(radius: float = 0.05, height: float = 0.06, steps: int = 24) -> Me
     return Mesh((radius * vertices + (0, 0, height)).astype(np.float32), triangles)
 
 
+def two_balls() -> Mesh:
+    """A small one hides the light from a large one, which it touches."""
+    ball = ball_mesh(steps=16)
+    vertices = np.concatenate([ball.vertices, 0.4 * ball.vertices + np.array([0.02, -0.03, 0.12])])
+    return Mesh(vertices, np.concatenate([ball.triangles, ball.triangles + len(ball.vertices)]))
+
+
 def box_mesh(size: float = 0.06, lowest: float = 0.0) -> tuple[NDArray, NDArray]:
     corners = np.array([(x, y, z) for z in (0, 1) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     triangles = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4)]
