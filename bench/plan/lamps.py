@@ -4,11 +4,14 @@ Two lights: the studio's lamps, and the dawn with a sun that carries 75 % of the
 A direction of the truth is the middle of a texel of 64 squared; texels with more than 1/2000 of the light are cut
 into 8 x 8. The light of a pixel is the mean over the renderer's four samples, each with its own normal and rays.
 Errors are those of pixels cut at white, where the table has 0.35 of white.
+
+A third light is a lamp that hangs near the object in even light; it is where it is, with rays to places all over it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
@@ -17,8 +20,10 @@ from numpy.typing import NDArray
 import fastibl
 from fastibl import reference
 from fastibl.gl_device import gl_device
+from fastibl.room import truth_map
 
 from .. import brute, inputs, measure
+from ..capture.near import Lamp
 from ..goals import Goal, percent, row, skipped
 from ..light.speed import cpu_times
 from ..shadows import truth as lit
@@ -99,9 +104,67 @@ def true_light(name: str, light: str) -> NDArray[np.float64]:
     return brute.stored(key, make) * np.array([MATTE.diffuse[0], METAL.glossy[0]])[:, None, None]
 
 
+_FACING = 3.0  # what the lamp nearby gives at the map's centre to what faces it, by what the even light gives
+_NEAR = (0.4, 0.8)  # metres from there
+_RADIUS = 0.03
+_TOWARDS = np.array([0.5, -0.45, 0.74]) / np.linalg.norm([0.5, -0.45, 0.74])
+
+
+@dataclass(frozen=True)
+class NearLamp:
+    """A lamp at a distance from the middle of a mesh."""
+
+    name: str
+    distance: float
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        v = truth.seen(self.name).mesh.vertices
+        return (v.min(axis=0) + v.max(axis=0)).astype(np.float64) / 2
+
+    @property
+    def lamp(self) -> Lamp:
+        return Lamp(self.centre + self.distance * _TOWARDS, _RADIUS, _FACING * (self.distance / _RADIUS) ** 2)
+
+    def environment(self, known: bool) -> fastibl.Environment:
+        """known: that the lamp is near."""
+
+        def light(d: NDArray) -> NDArray:
+            unit = d / np.linalg.norm(d, axis=-1, keepdims=True)
+            found = np.ones(d.shape)
+            found[self.lamp.seen(self.centre, unit)] += self.lamp.radiance
+            return found
+
+        lights = [[*self.lamp.position, _RADIUS]] if known else None
+        return fastibl.Environment(truth_map(light, cases.SIZE, 4), centre=self.centre, lights=lights)
+
+    def true_light(self) -> NDArray[np.float64]:
+        """(p, 3): radiance of the pixels of the matte object."""
+        s, (_, samples) = truth.seen(self.name), chosen(self.name)
+        d, angles, _ = reference.samples(np.zeros((6, 32, 32, 3)))
+
+        def make() -> NDArray:
+            embree, scale = truth.embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
+            found = np.zeros(samples.size)
+            for k, i in enumerate(samples.ravel()):
+                start = s.start[i] + 2e-4 * scale * s.normal[i]
+                towards, angle = self.lamp.disc(start)
+                directions = np.concatenate([d, towards])
+                flux = np.concatenate([angles, np.full(len(towards), self.lamp.radiance * angle)])
+                cosine = directions @ s.normal[i]
+                up = np.flatnonzero(cosine > 0)
+                origins = np.broadcast_to(start, (len(up), 3)).astype(np.float32)
+                free = embree.run(origins, directions[up].astype(np.float32), query="OCCLUDED") < 0
+                found[k] = (cosine[up] * free) @ flux[up] / np.pi
+            return np.repeat(found.reshape(samples.shape).mean(axis=1)[:, None], 3, axis=1)
+
+        key = ("near lamp", s.mesh.vertices, s.mesh.triangles, samples.astype(np.int64), str(self), _VERSION)
+        return brute.stored(key, make) * MATTE.diffuse[0]
+
+
 def session(
     name: str,
-    light: str,
+    light: str | fastibl.Environment,
     material: fastibl.Material,
     method: str,
     camera: fastibl.Camera,
@@ -115,13 +178,20 @@ def session(
         "glossy": fastibl.Method("sampled", taps=taps),
     }
     made = fastibl.Session(
-        cases.scene(name), fastibl.Rig(camera), None, lights()[light], methods=methods, backend=backend
+        cases.scene(name),
+        fastibl.Rig(camera),
+        None,
+        lights()[light] if isinstance(light, str) else light,
+        methods=methods,
+        backend=backend,
     )
     made.set_material(material)
     return made
 
 
-def drawn(name: str, light: str, material: fastibl.Material, method: str, backend: str = "cpu") -> NDArray[np.float64]:
+def drawn(
+    name: str, light: str | fastibl.Environment, material: fastibl.Material, method: str, backend: str = "cpu"
+) -> NDArray[np.float64]:
     """(p, 3): radiance of the pixels."""
     made = session(name, light, material, method, cases.camera(), 1024, backend)
     made.process(fastibl.Frame(0.0, back_from_marker=cases.pose()))
@@ -200,4 +270,38 @@ def lamps() -> Iterator[Goal]:
             percent(mean[_BY_GL]),
             f"within 2 % of the CPU's ({percent(mean['traced-lights'])})",
             abs(mean[_BY_GL] / mean["traced-lights"] - 1) <= 0.02,
+        )
+
+
+@row("shadow", "self-shadow: a lamp nearby")
+def near_lamp() -> Iterator[Goal]:
+    pixels = "pixels of a matte object with its own shadow, RMS by their mean, four meshes"
+    if reason := missing():
+        yield skipped(pixels, reason)
+        return
+    _, no_gl = gl_device()
+    for distance in _NEAR:
+        error: dict[str, list[float]] = {}
+        for name in MESHES:
+            near = NearLamp(name, distance)
+            true = near.true_light()
+            drawings = {m: drawn(name, near.environment(True), MATTE, m) for m in METHODS}
+            drawings["transfer, taken as distant"] = drawn(name, near.environment(False), MATTE, "transfer")
+            if not no_gl:
+                drawings[_BY_GL] = drawn(name, near.environment(True), MATTE, "traced-lights", "gl")
+            for m, light in drawings.items():
+                error.setdefault(m, []).append(float(np.sqrt(((light - true) ** 2).mean()) / true.mean()))
+        mean = {m: float(np.mean(e)) for m, e in error.items()}
+        yield Goal(
+            f"lamp at {distance:g} m, {_FACING:g} times as strong as the sky: {pixels}: traced-lights",
+            percent(mean["traced-lights"]),
+            f"half of transfer's ({percent(mean['transfer'])})",
+            max(mean[m] for m in mean if m.startswith("traced-lights")) <= 0.5 * mean["transfer"],
+            tuple(
+                f"{what}: " + ", ".join(f"{m} {percent(e)}" for m, e in of.items())
+                for what, of in (
+                    ("mean", mean),
+                    *((n, {m: e[k] for m, e in error.items()}) for k, n in enumerate(MESHES)),
+                )
+            ),
         )
