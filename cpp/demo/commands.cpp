@@ -125,8 +125,7 @@ std::vector<Command> make_commands() {
        [](const Player& p) {
          Values values = method_names<kSelfShadowMethods>(p);
          for (const SelfShadowMethod method : kSelfShadowMethods)
-           if (p.backend() == "gl" && method == SelfShadowMethod::traced)
-             std::erase(values, name(method));
+           if (!p.has(method)) std::erase(values, name(method));
          return values;
        },
        method_of<&Methods::self_shadow>, set_method<&Methods::self_shadow, self_shadow_method>},

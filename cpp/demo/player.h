@@ -68,6 +68,7 @@ class Player {
   const Methods& methods() const { return options().methods; }
   const ShadowLook& shadow_look() const { return session_->scene().shadow_look; }
   const std::string& backend() const { return backend_; }
+  bool has(SelfShadowMethod method) const { return session_->has(method); }
   bool lamp() const { return source_->lamp(); }
   bool paper() const { return methods() == Methods::paper(); }
   bool is_making() const {  // whether an object is being made in the background

@@ -137,7 +137,7 @@ void Session::choose_methods() {
     CandidateOptions choice = candidate_options(scene_, *environment_);
     choice.light_stays = !light_moves(), choice.hurried = hurried;
     choice.offline = options_.offline;
-    choice.traced = renderer_->has(SelfShadowMethod::traced);
+    choice.traced = has(SelfShadowMethod::traced);
     judge_.begin(scene_, environment_, options_.methods, candidates(options_.methods, choice),
                  options_.cast_shadow);
   }

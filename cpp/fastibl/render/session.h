@@ -81,6 +81,8 @@ class Session {
 
   const Plan& plan() const { return plan_; }
   const SessionOptions& options() const { return options_; }
+  // Whether the back end has it: naming another one is refused.
+  bool has(SelfShadowMethod method) const { return renderer_->has(method); }
   // These maps are there until the next frame: copy what is to be kept. A frame that casts no
   // shadow leaves the last ones; they are empty before the first and while the shadow is off.
   const ShadowMap& shadow_map() { return renderer_->shadow_map(); }
