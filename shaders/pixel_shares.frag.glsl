@@ -121,13 +121,14 @@ vec3 share_of_others(Part part, Place at, vec3 share) {
 }
 
 #if NEAR
+#if DIFFUSE
 vec3 near_share_of(vec3 part, vec3 whole) { return clamp(share_of(part, whole), -1.0, 1000.0); }
 
-// What the lights in `asked` change of the share, less what is interpolated between the corners. lost: by light, the part
-// of it that is hidden where the map has it. corner_e, e: irradiance of the corners and of the place.
-vec3 near_changes(Place at, ivec3 of, NearEntry entries[3], int asked, NearParts lost, vec3 starts[4], bool several,
+// What the lights in `asked` change of the share, less what is interpolated between the corners. By light: the part of it
+// that is open, and the part that is hidden where the map has it. corner_e, e: irradiance of the corners and of the place.
+vec3 near_changes(Place at, ivec3 of, NearEntry entries[3], int asked, float open[7], NearParts lost, vec3 offset,
                   mat3 corner_e, vec3 e) {
-  vec3 offset = 0.25 * (starts[0] + starts[1] + starts[2] + starts[3]) - near_centre, sum = vec3(0.0);
+  vec3 sum = vec3(0.0);
   vec3 interpolated[3] = vec3[3](vec3(0.0), vec3(0.0), vec3(0.0)), all[3];
   for (int k = 0; k < 3; ++k) all[k] = texelFetch(self_shares, texel(of[k]), 0).rgb;
   for (int i = 0; i < near_count; ++i) {
@@ -140,10 +141,7 @@ vec3 near_changes(Place at, ivec3 of, NearEntry entries[3], int asked, NearParts
     }
     if (!is_asked) continue;
     vec3 arrow = near_arrow(light.direction, light.inverse_distance, offset);
-    float here = near_irradiance(arrow, light.sin_radius, at.normal);
-    uint state = near_between(entries, i);
-    if (state == kNearHidden) here = 0.0;
-    if (state == kNearMixed && here > 0.0) here *= near_open_part(light, arrow, at.normal, starts, several);
+    float here = open[i] * near_irradiance(arrow, light.sin_radius, at.normal);
     float there = (1.0 - near_part(lost, i)) * near_irradiance(light.direction, light.sin_radius, at.normal);
     sum += near_share_of((here - there) * light.irradiance, e);
   }
@@ -151,10 +149,20 @@ vec3 near_changes(Place at, ivec3 of, NearEntry entries[3], int asked, NearParts
   return sum;
 }
 #endif
+#if LOBE
+// A light of the map in the lobe of a place, with nothing hidden.
+float near_in_lobe(NearLight light, vec3 arrow, vec3 n, vec3 view) {
+  NearDisc disc = near_disc(light, arrow);
+  float size = max(length(arrow), light.sin_radius), apart = sqrt(3.14159265 / 32.0) * disc.sine, sum = 0.0;
+  for (int k = 0; k < 32; ++k) sum += square_height(n, view, near_point(disc, k), apart);
+  return sum * light.flux / (size * size * 32.0);
+}
+#endif
+#endif
 
 #if LOBE
 float middle_weight(BrightCell cell, vec3 n, vec3 view) {
-  return square_height(n, view, cell.direction, cell_width) * float(cell.count) * cell.flux;
+  return square_height(n, view, cell.direction, cell_width) * cell.for_lobes;
 }
 #endif
 #endif
@@ -163,17 +171,11 @@ vec4 part_share(Part part, ivec2 pixel) {
   vec4 result = interpolated_share(part);
   Place at = place_of(part);
   vec3 n = at.normal, w = at.w;
-#if LOBE
-  bool touched = result.a < 1.0 - 1e-6;
-  vec3 view = normalize(eye - at.position);
-  vec2 sums = vec2(0.0);
-  if (touched) sums = cell_sums(n, view, ivec3(at.a.masks, at.b.masks, at.c.masks), w);
-#else
-  const bool touched = false;
-#endif
 #if RAYS
   uvec2 hidden = (at.a.hidden & ~at.a.low) | (at.b.hidden & ~at.b.low) | (at.c.hidden & ~at.c.low);
   uvec2 asked = at.a.mixed | at.b.mixed | at.c.mixed | (hidden & (at.a.open | at.b.open | at.c.open));
+#endif
+  bool hides = false;  // whether anything of a near light may be hidden
 #if NEAR
   ivec3 of = part.behind ? at.index + back_entries : at.index;
   NearEntry entries_near[3] = NearEntry[3](near_entry(of.x), near_entry(of.y), near_entry(of.z));
@@ -182,10 +184,22 @@ vec4 part_share(Part part, ivec2 pixel) {
               kNearBent;
   for (int i = 0; i < near_count; ++i) {
     uvec2 cells = near_light(i).cells;
-    bool known = !bent && ((asked.x & cells.x) | (asked.y & cells.y)) == 0u && near_between(entries_near, i) != kNearMixed;
-    if ((cells.x | cells.y) != 0u && !known) asked_near |= 1 << i;
+    if ((cells.x | cells.y) == 0u) continue;
+    uint state = near_between(entries_near, i);
+    if (bent || ((asked.x & cells.x) | (asked.y & cells.y)) != 0u || state == kNearMixed) asked_near |= 1 << i;
+    if (state == kNearMixed || state == kNearHidden) hides = true;
   }
-  NearParts near_lost = NearParts(vec4(0.0), vec4(0.0));
+#endif
+#if LOBE
+  bool touched = hides || result.a < 1.0 - 1e-6;
+  vec3 view = normalize(eye - at.position);
+  vec2 sums = vec2(0.0);
+  if (touched) sums = cell_sums(n, view, ivec3(at.a.masks, at.b.masks, at.c.masks), w);
+#else
+  const bool touched = false;
+#endif
+#if RAYS
+#if DIFFUSE && NEAR
   bool asks = (asked.x | asked.y) != 0u || asked_near != 0;
 #elif DIFFUSE
   bool asks = (asked.x | asked.y) != 0u;
@@ -196,6 +210,36 @@ vec4 part_share(Part part, ivec2 pixel) {
   vec3 starts[4];
   bool several = ray_starts(part, pixel, at, starts);
 
+#if NEAR
+  vec3 offset = 0.25 * (starts[0] + starts[1] + starts[2] + starts[3]) - near_centre;
+  float in_lobe[7] = float[7](0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), near_open[7];
+#if LOBE
+  for (int i = 0; i < near_count && touched; ++i) {
+    NearLight light = near_light(i);
+    if (light.flux > 0.0)
+      in_lobe[i] = near_in_lobe(light, near_arrow(light.direction, light.inverse_distance, offset), n, view);
+    sums.x += in_lobe[i];
+  }
+  float seen_by_lobe = sums.x;
+#else
+  const float seen_by_lobe = 1.0;
+#endif
+  for (int i = 0; i < near_count; ++i) {
+    near_open[i] = 1.0;
+#if DIFFUSE
+    bool wanted = (asked_near & (1 << i)) != 0 || in_lobe[i] > 0.001 * seen_by_lobe;
+#else
+    bool wanted = in_lobe[i] > 0.001 * seen_by_lobe;
+#endif
+    uint state = near_between(entries_near, i);
+    if (!wanted || state == 0u || state == 1u) continue;
+    NearLight light = near_light(i);
+    near_open[i] = state == kNearHidden ? 0.0
+                                        : near_open_part(light, near_arrow(light.direction, light.inverse_distance, offset),
+                                                         n, starts, several);
+  }
+  NearParts near_lost = NearParts(vec4(0.0), vec4(0.0));
+#endif
 #if DIFFUSE
   vec3 e = irradiance(marker_from_object * n);
   mat3 corner_e = mat3(irradiance(marker_from_object * at.a.normal), irradiance(marker_from_object * at.b.normal),
@@ -241,7 +285,8 @@ vec4 part_share(Part part, ivec2 pixel) {
 #endif
 #if LOBE
     for (int r = 0; r < cell.count && counts; ++r) {
-      float weight = ray_height(n, view, bright_ray(cell.first + r)) * cell.flux;
+      vec4 ray = bright_ray(cell.first + r);
+      float weight = ray_height(n, view, ray.xyz) * cell.flux * ray.w;
       sums += weight * vec2(1.0, 1.0 - float((seen.free >> uint(r)) & 1u));
     }
 #endif
@@ -253,10 +298,13 @@ vec4 part_share(Part part, ivec2 pixel) {
     vec3 change = min(back, max(1.0 - before, vec3(0.0))) - lost;
 #if NEAR
     if (asked_near != 0)
-      others += near_changes(at, of, entries_near, asked_near, near_lost, starts, several, corner_e, e);
+      others += near_changes(at, of, entries_near, asked_near, near_open, near_lost, offset, corner_e, e);
 #endif
     result.rgb = max(clamp(before + change, 0.0, 1.0) + others, vec3(0.0));
   }
+#endif
+#if NEAR && LOBE
+  for (int i = 0; i < near_count; ++i) sums.y += (1.0 - near_open[i]) * in_lobe[i];
 #endif
 #endif
 #if LOBE

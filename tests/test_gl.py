@@ -679,8 +679,8 @@ def sources():
                 continue  # nor these
             if shader == "pixel_shares" and not defines["RAYS"] and (defines["DIFFUSE"] or not defines["LOBE"]):
                 continue  # without rays, only glossy light changes
-            if defines.get("NEAR") and not (defines["RAYS"] and defines["DIFFUSE"]):
-                continue  # only the irradiance knows where lights are
+            if defines.get("NEAR") and not (defines["RAYS"] and (defines["DIFFUSE"] or defines["LOBE"])):
+                continue
             maps = sum(defines.get(name, 0) for name in PBR)
             if defines.get("GLOSSY", 0) >= 6 and (defines["PAPER"] or maps not in (0, 1, len(PBR))):
                 continue  # alone and all together

@@ -250,3 +250,44 @@ def test_the_shadow_of_a_lamp_nearby(distance, backend):
     assert len(true) > 200 and 0.1 < dark < 0.9
     for method in rms.keys() - {"transfer"}:
         assert rms[method] < 0.5 * rms["transfer"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["broad", "ggx"])
+def test_a_lamp_nearby_in_a_lobe(kind, backend):
+    """The free share of glossy light on a box: a lobe sees the lamp where it is, and another box may hide it there."""
+    material, distance, radius, facing, ambient = MATERIALS[kind], 0.25, 0.02, 3.0, 0.2
+    centre = np.array([-0.06, 0.0, 0.05])
+    towards = np.array([0.8, 0.2, 0.5]) / np.linalg.norm([0.8, 0.2, 0.5])
+    position = centre + distance * towards
+    cube = lamp_map(radius, distance, facing, size=128, centre=centre, ambient=ambient, towards=towards)
+    light = placed(cube, [*position, radius], centre)
+    radiance = facing / (np.pi * (radius / distance) ** 2)
+    pose = looking(MIDDLE - EYE, EYE)
+    seen, triangle, t = seen_of_boxes(EYE, pose)
+    at = EYE + t[..., None] * seen
+    top = (triangle >= 0) & (np.abs(np.where(triangle[..., None] >= 0, at, 1) - [0, 0, 0.05]).max(axis=-1) < 0.047)
+    top &= np.abs(at[..., 2] - 0.05) < 1e-4
+    scene = fastibl.Scene(BOXES, material, spheres=0)
+    methods = ("traced-lights", "transfer")
+    made = {m: picture(session_of(scene, light, m, backend=backend), pose) for m in (*methods, "none")}
+    top &= made["none"][..., 3] == 1
+    shares = {m: made[m][..., 1] / np.where(top, made["none"][..., 1], 1) for m in methods}
+    rows, columns = np.nonzero(top)
+    chosen = np.random.default_rng(0).permutation(len(rows))[:80]
+    sky, angles, _ = reference.samples(np.zeros((6, 48, 48, 3)))
+    true, error, up = [], {method: [] for method in shares}, np.array([0, 0, 1.0])
+    for y, x in zip(rows[chosen], columns[chosen], strict=True):
+        place = at[y, x] + 1e-5 * up
+        view = (EYE - place) / np.linalg.norm(EYE - place)
+        lamp_d, solid_angle = over_sphere(position - place, radius, 300)
+        d = np.concatenate([sky, lamp_d])
+        flux = np.concatenate([ambient * angles, np.full(300, radiance * solid_angle / 300)])
+        flux = flux * lobe_weights(material, up, view, d)
+        true.append((flux * free_from(BOXES, place, d)).sum() / flux.sum())
+        for method, share in shares.items():
+            error[method].append(share[y, x] - true[-1])
+    rms = {method: float(np.sqrt(np.mean(np.square(e)))) for method, e in error.items()}
+    print(f"{kind}, {backend}: {len(true)} pixels, shares {min(true):.2f} to {max(true):.2f}; RMS {rms}")
+    assert len(true) == 80 and max(true) - min(true) > 0.3
+    assert rms["traced-lights"] < 0.5 * rms["transfer"]

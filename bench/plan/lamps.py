@@ -139,27 +139,33 @@ class NearLamp:
         return fastibl.Environment(truth_map(light, cases.SIZE, 4), centre=self.centre, lights=lights)
 
     def true_light(self) -> NDArray[np.float64]:
-        """(p, 3): radiance of the pixels of the matte object."""
+        """(2, p, 3): radiance of the pixels of the matte object and of the metal."""
         s, (_, samples) = truth.seen(self.name), chosen(self.name)
-        d, angles, _ = reference.samples(np.zeros((6, 32, 32, 3)))
+        d, angles, _ = reference.samples(np.zeros((6, 64, 64, 3)))
 
         def make() -> NDArray:
             embree, scale = truth.embree_scene(s.mesh), float(np.ptp(s.mesh.vertices, axis=0).max())
-            found = np.zeros(samples.size)
+            found = np.zeros((2, samples.size))
             for k, i in enumerate(samples.ravel()):
-                start = s.start[i] + 2e-4 * scale * s.normal[i]
+                n, v = s.normal[i], s.view[i]
+                start = s.start[i] + 2e-4 * scale * n
                 towards, angle = self.lamp.disc(start)
                 directions = np.concatenate([d, towards])
                 flux = np.concatenate([angles, np.full(len(towards), self.lamp.radiance * angle)])
-                cosine = directions @ s.normal[i]
-                up = np.flatnonzero(cosine > 0)
+                up = np.flatnonzero(directions @ n > 0)
                 origins = np.broadcast_to(start, (len(up), 3)).astype(np.float32)
                 free = embree.run(origins, directions[up].astype(np.float32), query="OCCLUDED") < 0
-                found[k] = (cosine[up] * free) @ flux[up] / np.pi
-            return np.repeat(found.reshape(samples.shape).mean(axis=1)[:, None], 3, axis=1)
+                cosine = directions[up] @ n
+                found[0, k] = (cosine * free) @ flux[up] / np.pi
+                half = directions[up] + v
+                half /= np.linalg.norm(half, axis=1, keepdims=True)
+                lobe = np.maximum(half @ n, 0) ** METAL.exponent * cosine
+                sky = up < len(d)
+                found[1, k] = (lobe * free) @ flux[up] / (lobe[sky] @ angles[up[sky]])
+            return np.repeat(found.reshape(2, *samples.shape).mean(axis=2)[..., None], 3, axis=2)
 
-        key = ("near lamp", s.mesh.vertices, s.mesh.triangles, samples.astype(np.int64), str(self), _VERSION)
-        return brute.stored(key, make) * MATTE.diffuse[0]
+        key = ("lamp nearby", s.mesh.vertices, s.mesh.triangles, samples.astype(np.int64), str(self), _VERSION)
+        return brute.stored(key, make) * np.array([MATTE.diffuse[0], METAL.glossy[0]])[:, None, None]
 
 
 def session(
@@ -175,7 +181,8 @@ def session(
         "self_shadow": method,
         "bounce": "none",
         "diffuse": fastibl.Method("irradiance-cube", size=32, source=32),
-        "glossy": fastibl.Method("sampled", taps=taps),
+        # Samples of the map do not know where a lamp is.
+        "glossy": fastibl.Method("sampled", taps=taps) if isinstance(light, str) else "stretched",
     }
     made = fastibl.Session(
         cases.scene(name),
@@ -275,33 +282,32 @@ def lamps() -> Iterator[Goal]:
 
 @row("shadow", "self-shadow: a lamp nearby")
 def near_lamp() -> Iterator[Goal]:
-    pixels = "pixels of a matte object with its own shadow, RMS by their mean, four meshes"
+    pixels = "pixels with the object's own shadow, RMS by their mean, four meshes"
     if reason := missing():
         yield skipped(pixels, reason)
         return
     _, no_gl = gl_device()
-    for distance in _NEAR:
-        error: dict[str, list[float]] = {}
-        for name in MESHES:
-            near = NearLamp(name, distance)
-            true = near.true_light()
-            drawings = {m: drawn(name, near.environment(True), MATTE, m) for m in METHODS}
-            drawings["transfer, taken as distant"] = drawn(name, near.environment(False), MATTE, "transfer")
-            if not no_gl:
-                drawings[_BY_GL] = drawn(name, near.environment(True), MATTE, "traced-lights", "gl")
-            for m, light in drawings.items():
-                error.setdefault(m, []).append(float(np.sqrt(((light - true) ** 2).mean()) / true.mean()))
-        mean = {m: float(np.mean(e)) for m, e in error.items()}
-        yield Goal(
-            f"lamp at {distance:g} m, {_FACING:g} times as strong as the sky: {pixels}: traced-lights",
-            percent(mean["traced-lights"]),
-            f"half of transfer's ({percent(mean['transfer'])})",
-            max(mean[m] for m in mean if m.startswith("traced-lights")) <= 0.5 * mean["transfer"],
-            tuple(
-                f"{what}: " + ", ".join(f"{m} {percent(e)}" for m, e in of.items())
-                for what, of in (
-                    ("mean", mean),
-                    *((n, {m: e[k] for m, e in error.items()}) for k, n in enumerate(MESHES)),
-                )
-            ),
-        )
+    for k, (kind, material) in enumerate((("matte", MATTE), ("metal, exponent 64", METAL))):
+        for distance in _NEAR:
+            error: dict[str, list[float]] = {}
+            for name in MESHES:
+                near = NearLamp(name, distance)
+                true = near.true_light()[k]
+                drawings = {m: drawn(name, near.environment(True), material, m) for m in METHODS}
+                drawings["transfer, taken as distant"] = drawn(name, near.environment(False), material, "transfer")
+                if not no_gl:
+                    drawings[_BY_GL] = drawn(name, near.environment(True), material, "traced-lights", "gl")
+                for m, light in drawings.items():
+                    error.setdefault(m, []).append(float(np.sqrt(((light - true) ** 2).mean()) / true.mean()))
+            mean = {m: float(np.mean(e)) for m, e in error.items()}
+            each = ((n, {m: e[i] for m, e in error.items()}) for i, n in enumerate(MESHES))
+            yield Goal(
+                f"lamp at {distance:g} m, {_FACING:g} times as strong as the sky, {kind}: {pixels}: traced-lights",
+                percent(mean["traced-lights"]),
+                f"half of transfer's ({percent(mean['transfer'])})",
+                max(mean[m] for m in mean if m.startswith("traced-lights")) <= 0.5 * mean["transfer"],
+                tuple(
+                    f"{what}: " + ", ".join(f"{m} {percent(e)}" for m, e in of.items())
+                    for what, of in (("mean", mean), *each)
+                ),
+            )

@@ -1,6 +1,7 @@
 // Rays to the brightest cells of the light: the same as shading/bright_cells.cpp. Needs shared/tree.glsl.
-uniform sampler2D bright;  // four texels a cell: direction, first ray; light by channel, rays, first rays, flux of a ray.
-                           // Then the rays' directions. All in the object's frame.
+uniform sampler2D bright;  // five texels a cell: direction, first ray; light by channel, rays, first rays, flux of a ray;
+                           // flux for lobes. Then the rays' directions, and 1 where they are for lobes. All in the object's
+                           // frame.
 uniform int bright_cells;
 uniform float cell_width;  // radians
 
@@ -10,15 +11,17 @@ struct BrightCell {
   int first, count;        // of its rays
   int first_count;         // that are traced before the others
   float flux;              // of each of them
+  float for_lobes;         // of all of them but those to near lights
 };
 
 BrightCell bright_cell(int i) {
-  vec4 a = texelFetch(bright, texel(4 * i), 0), b = texelFetch(bright, texel(4 * i + 1), 0),
-       c = texelFetch(bright, texel(4 * i + 2), 0), d = texelFetch(bright, texel(4 * i + 3), 0);
-  return BrightCell(a.xyz, mat3(b.xyz, c.xyz, d.xyz), int(a.w), int(b.w), int(c.w), d.w);
+  vec4 a = texelFetch(bright, texel(5 * i), 0), b = texelFetch(bright, texel(5 * i + 1), 0),
+       c = texelFetch(bright, texel(5 * i + 2), 0), d = texelFetch(bright, texel(5 * i + 3), 0);
+  float for_lobes = texelFetch(bright, texel(5 * i + 4), 0).x;
+  return BrightCell(a.xyz, mat3(b.xyz, c.xyz, d.xyz), int(a.w), int(b.w), int(c.w), d.w, for_lobes);
 }
 
-vec3 bright_ray(int i) { return texelFetch(bright, texel(4 * bright_cells + i), 0).xyz; }
+vec4 bright_ray(int i) { return texelFetch(bright, texel(5 * bright_cells + i), 0); }
 
 // What a place sees of a cell.
 struct SeenCell {
@@ -38,7 +41,7 @@ SeenCell look_at(BrightCell cell, vec3 starts[4], bool several) {
                 : r < cell.first_count            ? 3 * (r & 1)
                 : cell.count > cell.first_count   ? (r + 1) & 3
                                                   : 1 + (r & 1);
-    bool met = meets_mesh(starts[start], bright_ray(cell.first + (r < cell.count ? r : r - cell.count)));
+    bool met = meets_mesh(starts[start], bright_ray(cell.first + (r < cell.count ? r : r - cell.count)).xyz);
     hidden += met ? 1.0 : 0.0;
     if (!met && r < cell.count) seen.free |= 1u << uint(r);
     if (r + 1 == cell.first_count) {

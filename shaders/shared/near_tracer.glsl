@@ -12,12 +12,14 @@ struct NearLight {
   vec3 irradiance;
   float sin_radius;
   uvec2 cells;             // that have its light, a bit for each
+  float flux;              // of it in the map
 };
 
 NearLight near_light(int i) {
   uvec4 a = texelFetch(near_lights, texel(3 * i), 0), b = texelFetch(near_lights, texel(3 * i + 1), 0);
   vec4 c = uintBitsToFloat(a), d = uintBitsToFloat(b);
-  return NearLight(c.xyz, c.w, d.xyz, d.w, texelFetch(near_lights, texel(3 * i + 2), 0).xy);
+  uvec4 e = texelFetch(near_lights, texel(3 * i + 2), 0);
+  return NearLight(c.xyz, c.w, d.xyz, d.w, e.xy, uintBitsToFloat(e.z));
 }
 
 // By light: 0 to 3, and 4 to 6.
@@ -61,18 +63,35 @@ int near_seed(int k) {
   return rest < 0 ? 31 - 3 * k : rest < 16 ? 30 - 3 * (rest / 2) - rest % 2 : 23 - rest;
 }
 
+// A light as a place sees it.
+struct NearDisc {
+  vec3 towards, right, up;
+  float sine;  // of its angular radius
+};
+NearDisc near_disc(NearLight light, vec3 arrow) {
+  NearDisc disc;
+  float size = length(arrow);
+  disc.towards = arrow / size;
+  disc.right = normalize(cross(abs(disc.towards.x) < 0.7 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0), disc.towards));
+  disc.up = cross(disc.towards, disc.right);
+  disc.sine = light.sin_radius / max(size, light.sin_radius);
+  return disc;
+}
+
+// The direction to one of 32 places of its disc, from the middle outwards.
+vec3 near_point(NearDisc disc, int seed) {
+  float r = disc.sine * sqrt((float(seed) + 0.5) / 32.0), turn = 2.39996323 * float(seed);
+  return sqrt(max(1.0 - r * r, 0.0)) * disc.towards + r * (cos(turn) * disc.right + sin(turn) * disc.up);
+}
+
 // The part of a light that nothing hides, among what lies above the tangent plane.
 float near_open_part(NearLight light, vec3 arrow, vec3 n, vec3 starts[4], bool several) {
-  float size = length(arrow);
-  if (size <= light.sin_radius) return 1.0;  // inside it
-  vec3 towards = arrow / size;
-  vec3 right = normalize(cross(abs(towards.x) < 0.7 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0), towards));
-  vec3 up = cross(towards, right);
-  float scale = light.sin_radius / (size * sqrt(32.0)), asked = 0.0, open = 0.0;
+  if (length(arrow) <= light.sin_radius) return 1.0;  // inside it
+  NearDisc disc = near_disc(light, arrow);
+  float asked = 0.0, open = 0.0;
   for (int k = 0; k < 32; ++k) {
     if (k == 8 && (open == 0.0 || open == asked)) break;
-    float seed = float(near_seed(k)), r = scale * sqrt(seed + 0.5), turn = 2.39996323 * seed;
-    vec3 d = sqrt(max(1.0 - r * r, 0.0)) * towards + r * (cos(turn) * right + sin(turn) * up);
+    vec3 d = near_point(disc, near_seed(k));
     if (dot(d, n) <= 0.0) continue;
     asked += 1.0;
     if (!meets_mesh(starts[!several ? 0 : k < 8 ? 3 * (k & 1) : (k + 1) & 3], d)) open += 1.0;

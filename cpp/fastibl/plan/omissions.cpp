@@ -88,8 +88,11 @@ double near_bound(const Scene& scene, const Lighting& lighting) {
 }
 
 Omission of_near_light(const Scene& scene, const Environment* environment,
-                       const PlanOptions& options) {
-  if (!scene.material.reads_irradiance()) return {kUnread};
+                       const PlanOptions& options, const Methods& methods) {
+  // Glossy light is placed where it is looked up; rays find what hides it.
+  const bool traced = traces_rays(methods.self_shadow) && scene.material.lobe() &&
+                      scene.directions && !scene.directions->blocks_nothing();
+  if (!scene.material.reads_irradiance() && !traced) return {kUnread};
   const Lighting* lighting = options.lighting;
   const bool known = lighting && lighting->radiance;
   if (known ? lighting->near_lights.empty() : !environment || environment->light_positions.empty())
@@ -152,7 +155,7 @@ Omission omission_of(PassId id, const Scene& scene, const Environment* environme
     case PassId::self_shadow:
       return of_self_shadow(scene, options, plan.methods, dispensable);
     case PassId::near_light:
-      return of_near_light(scene, environment, options);
+      return of_near_light(scene, environment, options, plan.methods);
     case PassId::bounce:
       return of_bounce(scene, options, plan.methods, dispensable);
     case PassId::plane:

@@ -45,7 +45,7 @@ Pass pass_of(PassId id, const Scene& scene) {
       Products reads = holdout | pose | placement | material;
       if (scene.material.reads_irradiance())
         reads |= irradiance | self_shadow | near_light | bounce;
-      if (scene.material.reads_radiance()) reads |= radiance;
+      if (scene.material.reads_radiance()) reads |= radiance | near_light;
       return {id, reads, 0, object};
     }
     default:

@@ -38,10 +38,10 @@ void LightShares::find_diffuse(const Scene& scene, const Lighting& lighting) {
                  glm::mat3(scene.marker_from_object.rotation), own_);
 }
 
-void LightShares::find_near(const Scene& scene, const Lighting& lighting, bool diffuse) {
-  const SharesOf of = own_.empty() ? SharesOf::visibility
-                      : diffuse    ? SharesOf::directions
-                                   : SharesOf::all;
+void LightShares::find_near(const Scene& scene, const Lighting& lighting, SelfShadowMethod method) {
+  const SharesOf of = method == SelfShadowMethod::ambient ? SharesOf::visibility
+                      : knows_directions(method)          ? SharesOf::directions
+                                                          : SharesOf::all;
   near_ = near_maker_.update(scene, lighting, of);
 }
 

@@ -34,8 +34,7 @@ class LightShares {
   void clear_gain() { plane_gain_ = nullptr; }
 
   void find_diffuse(const Scene& scene, const Lighting& lighting);
-  // diffuse: whether find_diffuse() is a pass of the plan.
-  void find_near(const Scene& scene, const Lighting& lighting, bool diffuse);
+  void find_near(const Scene& scene, const Lighting& lighting, SelfShadowMethod method);
   void find_bounce(const Scene& scene, const Lighting& lighting, const ShadowMap& shadow);
   void find_plane_gain(const Scene& scene, const ShadowMap& shadow);
   // Cuts the scene's holdouts anew where the object has been moved away from their middle.

@@ -391,7 +391,8 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
       shares_.find_diffuse(scene_, *lighting_);
       return true;
     case PassId::near_light:
-      shares_.find_near(scene_, *lighting_, plan_.includes(PassId::self_shadow));
+      ensure_lighting();  // where nothing reads the irradiance
+      shares_.find_near(scene_, *lighting_, plan_.methods.self_shadow);
       return true;
     case PassId::bounce:
       shares_.find_bounce(scene_, *lighting_, renderer_->shadow_map());

@@ -14,7 +14,6 @@ namespace {
 // Rays to a cell: the first ones tell whether it is hidden in part, and only then the rest go, too.
 constexpr std::size_t kLeastRays = 4, kFirstRays = 8, kMostRays = 32;
 constexpr float kRayShare = 0.005f;  // of all light, for which there is a ray
-constexpr float kCounts = 0.001f;    // of what a lobe sees: less of it is left out
 constexpr float kLow = -0.05f;       // cosine below which a cell counts as below the horizon
 // Of cells this bright, nearly grazing light is asked for everywhere: the tangent plane of a vertex
 // differs from that of a place between vertices.
@@ -325,12 +324,30 @@ std::uint64_t BrightCells::counted(glm::vec3 normal, glm::vec3 view, const LobeH
   return result;
 }
 
+// In a disc, or on its rim, of which texels are cut.
+bool BrightCells::Lit::within(std::size_t i, glm::vec3 direction, float sin_radius) const {
+  constexpr float kRim = 1.1f;
+  const float sine = std::min(kRim * sin_radius, 1.0f);
+  return direction.x * x[i] + direction.y * y[i] + direction.z * z[i] >= std::sqrt(1 - sine * sine);
+}
+
+float BrightCells::leave_out(glm::vec3 direction, float sin_radius) {
+  float out = 0;
+  for (std::size_t i = 0; i < cells_.size(); ++i)
+    for (std::size_t r = cells_[i].first; r < cells_[i].first + cells_[i].count; ++r) {
+      if (!lit_rays_.within(r, direction, sin_radius)) continue;
+      out += lit_rays_.flux[r];
+      lit_cells_.flux[i] = std::max(lit_cells_.flux[i] - lit_rays_.flux[r], 0.0f);
+      lit_rays_.flux[r] = 0;
+    }
+  return out;
+}
+
 std::uint64_t BrightCells::parts_towards(glm::vec3 direction, float sin_radius,
                                          std::array<float, kMost>& parts) const {
   // Rays have equal parts of their cell's light, so they tell how much of it lies in the disc. A
   // few are some other light's.
-  constexpr float kLeast = 0.25f, kRim = 1.1f;
-  const float sine = std::min(kRim * sin_radius, 1.0f), cosine = std::sqrt(1 - sine * sine);
+  constexpr float kLeast = 0.25f;
   parts.fill(0);
   std::uint64_t found = 0;
   float all = 0;
@@ -338,9 +355,7 @@ std::uint64_t BrightCells::parts_towards(glm::vec3 direction, float sin_radius,
     const Cell& cell = cells_[i];
     int inside = 0;
     for (std::size_t r = cell.first; r < cell.first + cell.count; ++r)
-      inside += direction.x * lit_rays_.x[r] + direction.y * lit_rays_.y[r] +
-                    direction.z * lit_rays_.z[r] >=
-                cosine;
+      inside += lit_rays_.within(r, direction, sin_radius);
     const float part = float(inside) / float(cell.count);
     if (part < kLeast) continue;
     found |= std::uint64_t{1} << i;

@@ -31,6 +31,7 @@ class BrightCells {
   static constexpr std::size_t kStarts = 4;  // of rays from a pixel
   // A cell with less of the light is left to the vertices.
   static constexpr float kLeastShare = 0.004f;
+  static constexpr float kCounts = 0.001f;  // of what a lobe sees: less of it is left out
 
   BrightCells() = default;
   // light: of the map. rays_from_light: rotation from its frame to that of the bvh that is asked;
@@ -88,6 +89,11 @@ class BrightCells {
   // light's frame. Returns the cells, a bit for each; none where its light is in no cell.
   std::uint64_t parts_towards(glm::vec3 direction, float sin_radius,
                               std::array<float, kMost>& parts) const;
+  // Takes the rays in a disc out of what lobe_sums() and counted() sum up. Returns their light, by
+  // all light of the map.
+  float leave_out(glm::vec3 direction, float sin_radius);
+  float left(std::size_t cell) const { return lit_cells_.flux[cell]; }  // of its share, for those
+  bool is_left_out(std::size_t ray) const { return lit_rays_.flux[ray] == 0; }
   // Sums of these cells' light in a lobe. Adds up how many rays it looked at.
   LobeCells::Sums lobe_sums(const Seen& seen, glm::vec3 normal, glm::vec3 view,
                             const LobeHeight& lobe, std::uint64_t counted, int& looked) const;
@@ -104,6 +110,7 @@ class BrightCells {
     void add(glm::vec3 direction, float flux);
     void pad();
     LitDirections directions(const std::vector<float>& flux) const;
+    bool within(std::size_t i, glm::vec3 direction, float sin_radius) const;
   };
   Lit lit_rays_, lit_cells_;
 };

@@ -42,16 +42,10 @@ struct Disc {
       corners[0] = grid.around(towards);
       return;
     }
-    static const Sunflower<kMostPoints> seeds;
-    const auto [right, up] = DiscFrame(towards);
-    const float scale = sin_radius / std::sqrt(float(count));
-    for (int i = 0; i < kMostPoints; ++i) {  // all, for the processor's lanes
-      const float r = scale * seeds.radius[i], c = r * seeds.cosine[i], s = r * seeds.sine[i];
-      const float along = std::sqrt(std::max(1 - r * r, 0.0f));
-      x[i] = along * towards.x + c * right.x + s * up.x;
-      y[i] = along * towards.y + c * right.y + s * up.y;
-      z[i] = along * towards.z + c * right.z + s * up.z;
-    }
+    const DiscPoints<kMostPoints> points(towards, sin_radius, count);
+    std::copy_n(points.x, kMostPoints, x);
+    std::copy_n(points.y, kMostPoints, y);
+    std::copy_n(points.z, kMostPoints, z);
     float u[kMostPoints], v[kMostPoints];
     octahedral_points(kMostPoints, x, y, z, u, v);
     for (int i = 0; i < count; ++i) corners[i] = grid.corners({u[i], v[i]});
@@ -120,7 +114,8 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
   std::vector<glm::vec3> normals(count), all(count);
   for (std::size_t i = 0; i < count; ++i)
     normals[i] = i < vertices ? turn * scene.normals[i] : -normals[i - vertices];
-  evaluate(lighting.irradiance, normals, all);
+  // What nothing reads was not fitted; lobes ask for what is hidden alone.
+  if (scene.material.reads_irradiance()) evaluate(lighting.irradiance, normals, all);
 
   std::vector<OfLight> now;
   std::vector<std::size_t> moved;  // of those

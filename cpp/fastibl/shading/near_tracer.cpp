@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/core/lanes.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/self_shadow.h"
 #include "fastibl/shading/sunflower.h"
@@ -38,39 +39,39 @@ NearState NearTracer::between(const Light& light, const Entries& entries) const 
   return result;
 }
 
-namespace {
-
-glm::vec3 middle(std::span<const glm::vec3> places) {
-  glm::vec3 sum(0);
-  for (const glm::vec3& p : places) sum += p;
-  return sum / float(places.size());
-}
-
-}  // namespace
-
 bool NearTracer::bent(const Entries& entries) const {
   const auto normal = [&](std::size_t k) { return normals_[entries[k] % normals_.size()]; };
   const glm::vec3 a = normal(0), b = normal(1), c = normal(2);
   return std::min({glm::dot(a, b), glm::dot(b, c), glm::dot(c, a)}) < kBent;
 }
 
-glm::vec3 NearTracer::change(const Place& place, std::uint32_t asked, std::span<const float> lost,
-                             int& rays) const {
+// From the middle of what the pixel shows.
+glm::vec3 NearTracer::arrow(const Light& light, const Place& place) const {
+  glm::vec3 sum(0);
+  for (const glm::vec3& p : place.starts) sum += p;
+  return shared::near_arrow(light.direction, light.inverse_distance,
+                            sum / float(place.starts.size()) - centre_);
+}
+
+float NearTracer::open(const Light& light, const Place& place, int& rays) const {
+  const NearState state = between(light, place.entries);
+  if (state != NearState::mixed) return state == NearState::hidden ? 0 : 1;
+  return open_part(light, place, arrow(light, place), rays);
+}
+
+glm::vec3 NearTracer::change(const Place& place, std::uint32_t asked, std::span<const float> open,
+                             std::span<const float> lost) const {
   const auto share = [](const Light& light, float change, glm::vec3 irradiance) {
     return glm::clamp(share_of(change * light.irradiance, irradiance), -1.0f,
                       NearShares::kMostShare);
   };
   const auto is_asked = [&](std::size_t i) { return (asked >> i & 1) != 0; };
-  const glm::vec3 offset = middle(place.starts) - centre_;
   glm::vec3 sum(0);
   for (std::size_t i = 0; i < lights_.size(); ++i) {
     if (!is_asked(i)) continue;
     const Light& light = lights_[i];
-    const glm::vec3 arrow = shared::near_arrow(light.direction, light.inverse_distance, offset);
-    float here = shared::near_irradiance(arrow, light.sin_radius, place.normal);
-    const NearState state = between(light, place.entries);
-    if (state == NearState::hidden) here = 0;
-    if (state == NearState::mixed && here > 0) here *= open_part(light, place, arrow, rays);
+    const float here =
+        open[i] * shared::near_irradiance(arrow(light, place), light.sin_radius, place.normal);
     const float there =
         (1 - lost[i]) * shared::near_irradiance(light.direction, light.sin_radius, place.normal);
     sum += share(light, here - there, place.irradiance[3]);
@@ -110,15 +111,11 @@ std::size_t start_of(int k) {
 
 }  // namespace
 
-// The part of a light that nothing hides, among what lies above the tangent plane.
 float NearTracer::open_part(const Light& light, const Place& place, glm::vec3 arrow,
                             int& rays) const {
   const float length = glm::length(arrow);
   if (length <= light.sin_radius) return 1;  // inside it
-  static const Sunflower<kRays> seeds;
-  const glm::vec3 towards = arrow / length;
-  const auto [right, up] = DiscFrame(towards);
-  const float scale = light.sin_radius / (length * std::sqrt(float(kRays)));
+  const DiscPoints<kRays> points(arrow / length, light.sin_radius / length);
   thread_local std::array<DirectionSet, kStarts> sets{DirectionSet(0), DirectionSet(0),
                                                       DirectionSet(0), DirectionSet(0)};
   thread_local std::vector<glm::vec3> directions[kStarts];
@@ -129,9 +126,7 @@ float NearTracer::open_part(const Light& light, const Place& place, glm::vec3 ar
     for (auto& of_start : directions) of_start.clear();
     for (int k = first; k < (first == 0 ? kFirst : kRays); ++k) {
       const int seed = seed_of(k);
-      const float r = scale * seeds.radius[seed];
-      const glm::vec3 d = std::sqrt(std::max(1 - r * r, 0.0f)) * towards +
-                          r * (seeds.cosine[seed] * right + seeds.sine[seed] * up);
+      const glm::vec3 d(points.x[seed], points.y[seed], points.z[seed]);
       if (!(glm::dot(d, place.normal) > 0)) continue;
       directions[several ? start_of(k) : 0].push_back(d);
     }
@@ -148,6 +143,26 @@ float NearTracer::open_part(const Light& light, const Place& place, glm::vec3 ar
   }
   rays += asked;
   return asked > 0 ? float(free) / float(asked) : 1;
+}
+
+float NearTracer::in_lobe(const Light& light, float flux, const Place& place, glm::vec3 view,
+                          const LobeHeight& lobe) const {
+  const glm::vec3 to_light = arrow(light, place);
+  const float length = std::max(glm::length(to_light), light.sin_radius),
+              sine = light.sin_radius / length;
+  const DiscPoints<kRays> points(to_light / length, sine);
+  static_assert(kRays % kLanes == 0);
+  std::array<float, kRays> fluxes, weights;
+  // The closer, the larger; it may become half of all directions.
+  fluxes.fill(flux / (length * length * float(kRays)));
+  const LitDirections lit{
+      points.x, points.y, points.z, fluxes.data(), {fluxes.data(), fluxes.data(), fluxes.data()},
+      kRays};
+  const float apart = std::sqrt(kPi / float(kRays)) * sine;
+  weigh_squares(lit, apart, place.normal, view, lobe, weights.data());
+  float sum = 0;
+  for (const float w : weights) sum += w;
+  return sum;
 }
 
 }  // namespace fastibl

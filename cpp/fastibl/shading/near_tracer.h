@@ -9,6 +9,7 @@
 
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/scene.h"
+#include "fastibl/shading/light_sums.h"
 #include "fastibl/shading/near_shares.h"
 
 namespace fastibl {
@@ -48,18 +49,25 @@ class NearTracer {
   // light, 0.4 %.
   static constexpr float kBent = 0.985f;  // cosine of θ
   bool bent(const Entries& entries) const;
-  // What these lights (a bit for each) change of the share of its irradiance that reaches the
-  // place, by channel, less what is interpolated between the entries. lost: by light, the part of
-  // it that is hidden where the map has it. Adds up the rays that it traced.
-  glm::vec3 change(const Place& place, std::uint32_t asked, std::span<const float> lost,
-                   int& rays) const;
-  // That part, by rays.
-  float lost(const Light& light, const Place& place, int& rays) const {
-    return 1 - open_part(light, place, light.direction, rays);
+  // The part of a light that nothing hides, among what lies above the tangent plane, where it is
+  // and where the map has it; by rays where the entries do not agree, or always. Adds up the rays
+  // that it traced.
+  float open(const Light& light, const Place& place, int& rays) const;
+  float open_in_map(const Light& light, const Place& place, int& rays) const {
+    return open_part(light, place, light.direction, rays);
   }
+  // What these lights (a bit for each) change of the share of its irradiance that reaches the
+  // place, by channel, less what is interpolated between the entries. By light: the part of it that
+  // is open, and the part that is lost where the map has it.
+  glm::vec3 change(const Place& place, std::uint32_t asked, std::span<const float> open,
+                   std::span<const float> lost) const;
+  // A light of this flux in a lobe at a place, with nothing hidden.
+  float in_lobe(const Light& light, float flux, const Place& place, glm::vec3 view,
+                const LobeHeight& lobe) const;
 
  private:
   float open_part(const Light& light, const Place& place, glm::vec3 arrow, int& rays) const;
+  glm::vec3 arrow(const Light& light, const Place& place) const;
 
   const Bvh& bvh_;
   std::span<const glm::vec3> normals_;

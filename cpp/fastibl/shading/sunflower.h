@@ -1,6 +1,7 @@
 // Places spread evenly over the disc of a light.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "fastibl/core/vector.h"
@@ -19,13 +20,25 @@ struct Sunflower {
   }
 };
 
-// Two directions across one (unit), and across each other.
-struct DiscFrame {
-  glm::vec3 right, up;
-  explicit DiscFrame(glm::vec3 towards)
-      : right(glm::normalize(glm::cross(
-            std::fabs(towards.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0), towards))),
-        up(glm::cross(towards, right)) {}
+// Unit directions to the first seeds of a disc, all N of which are worked out. towards: its middle,
+// unit; sin_radius: of its angular radius.
+template <int N>
+struct DiscPoints {
+  float x[N], y[N], z[N];
+  DiscPoints(glm::vec3 towards, float sin_radius, int count = N) {
+    static const Sunflower<N> seeds;
+    const glm::vec3 other = std::fabs(towards.x) < 0.7f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
+    const glm::vec3 right = glm::normalize(glm::cross(other, towards)),
+                    up = glm::cross(towards, right);
+    const float scale = sin_radius / std::sqrt(float(count));
+    for (int i = 0; i < N; ++i) {  // all, for the processor's lanes
+      const float r = scale * seeds.radius[i], c = r * seeds.cosine[i], s = r * seeds.sine[i];
+      const float along = std::sqrt(std::max(1 - r * r, 0.0f));
+      x[i] = along * towards.x + c * right.x + s * up.x;
+      y[i] = along * towards.y + c * right.y + s * up.y;
+      z[i] = along * towards.z + c * right.z + s * up.z;
+    }
+  }
 };
 
 }  // namespace fastibl

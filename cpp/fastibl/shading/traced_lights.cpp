@@ -17,27 +17,26 @@ constexpr int kGrain = 512;  // entries
 
 }  // namespace
 
-std::vector<NearCells> near_cells(const NearTracer& near, const BrightCells& cells) {
-  std::vector<NearCells> result;
+NearCells::NearCells(const NearTracer& near, const BrightCells& cells) : others_(cells) {
   for (const NearTracer::Light& l : near.lights()) {
-    NearCells& of = result.emplace_back();
+    Light& of = lights_.emplace_back();
     of.cells = cells.parts_towards(l.direction, l.sin_radius, of.parts);
+    if (of.cells != 0) of.flux = others_.leave_out(l.direction, l.sin_radius);
   }
-  return result;
 }
 
 LightTracer::LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
                          const Irradiance& irradiance, const Material& material,
-                         const glm::mat3& map_from_light, const NearTracer* near)
+                         const glm::mat3& map_from_light, const NearTracer* near, bool diffuse)
     : bvh_(bvh),
       cells_(cells),
       irradiance_(irradiance),
       map_from_light_(map_from_light),
       near_(near),
-      diffuse_(material.reads_irradiance()),
+      diffuse_(diffuse && material.reads_irradiance()),
       height_(material.lobe(), kSharpest) {
   height_.f0 = 1;  // as for the other cells
-  if (near_ && diffuse_) near_cells_ = near_cells(*near_, cells);
+  if (near_) near_cells_.emplace(*near_, cells);
   if (const std::optional<LobeShape> lobe = material.lobe())
     lobe_.emplace(light, *lobe, cells.indices());
 }
@@ -46,13 +45,15 @@ LightTracer::Asked LightTracer::unsure(const CellStates& a, const CellStates& b,
                                        const CellStates& c,
                                        const NearTracer::Entries& entries) const {
   Asked asked{BrightCells::unsure(a, b, c)};
-  const bool bent = !near_cells_.empty() && near_->bent(entries);
-  for (std::size_t i = 0; i < near_cells_.size(); ++i) {
-    const std::uint64_t cells = near_cells_[i].cells;
+  if (!near_cells_) return asked;
+  const bool bent = near_->bent(entries);
+  for (std::size_t i = 0; i < near_cells_->count(); ++i) {
+    const std::uint64_t cells = near_cells_->cells(i);
     if (cells == 0) continue;
-    if (bent || (cells & asked.cells) != 0 ||
-        near_->between(near_->lights()[i], entries) == NearState::mixed)
+    const NearState state = near_->between(near_->lights()[i], entries);
+    if (bent || (cells & asked.cells) != 0 || state == NearState::mixed)
       asked.near |= std::uint32_t{1} << i;
+    asked.hides |= state == NearState::mixed || state == NearState::hidden;
   }
   return asked;
 }
@@ -60,20 +61,34 @@ LightTracer::Asked LightTracer::unsure(const CellStates& a, const CellStates& b,
 LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
                                       const BrightCells::Corners& corners,
                                       const LobeCells::Corners& between, Asked asked) const {
-  const bool glossy = lobe_ && is_touched(share.w);
+  const bool glossy = this->glossy(share, asked);
+  const BrightCells& others = near_cells_ ? near_cells_->others() : cells_;
+  const std::size_t near_lights = near_cells_ ? near_cells_->count() : 0;
+  std::array<glm::vec3, 4> irradiance;
+  const NearTracer::Place at{place.normal,    place.starts, place.entries,
+                             between.weights, irradiance,   place.own};
   LobeCells::Sums sums;
+  std::array<float, NearTracer::kMost> in_lobe{}, open, lost{};  // of near lights
   std::uint64_t counted = 0;
   Count count;
   if (glossy) {
     sums = lobe_->sums(place.normal, place.view, between);
-    counted = cells_.counted(place.normal, place.view, height_, sums.all);
+    for (std::size_t i = 0; i < near_lights; ++i)
+      if (near_cells_->flux(i) > 0)
+        sums.all += in_lobe[i] =
+            near_->in_lobe(near_->lights()[i], near_cells_->flux(i), at, place.view, height_);
+    counted = others.counted(place.normal, place.view, height_, sums.all);
     count.summed = int(cells_.cells().size());
     if (!diffuse_) asked.cells &= counted;
   }
+  open.fill(1);
+  for (std::size_t i = 0; i < near_lights; ++i)
+    if ((diffuse_ && (asked.near >> i & 1) != 0) || in_lobe[i] > BrightCells::kCounts * sums.all)
+      open[i] = near_->open(near_->lights()[i], at, count.traced);
   thread_local BrightCells::Seen seen;
-  count.traced = cells_.look(bvh_, place.starts, place.normal, corners, asked.cells, seen);
+  count.traced += cells_.look(bvh_, place.starts, place.normal, corners, asked.cells, seen);
   if (diffuse_ && asked.any()) {
-    std::array<glm::vec3, 4> normals, irradiance;
+    std::array<glm::vec3, 4> normals;
     for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_light_ * corners[k].normal;
     normals[3] = map_from_light_ * place.normal;
     evaluate(irradiance_, normals, irradiance);
@@ -84,22 +99,20 @@ LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
     const glm::vec3 of_map = glm::clamp(before + change, glm::vec3(0), glm::vec3(1));
     glm::vec3 of_others = place.of_others;
     if (asked.near != 0) {
-      std::array<float, NearTracer::kMost> lost{};
-      for (std::size_t i = 0; i < near_cells_.size(); ++i)
-        for (std::uint64_t left = near_cells_[i].cells; left != 0; left &= left - 1) {
+      for (std::size_t i = 0; i < near_lights; ++i)
+        for (std::uint64_t left = near_cells_->cells(i); left != 0; left &= left - 1) {
           const auto c = std::size_t(std::countr_zero(left));
-          lost[i] += near_cells_[i].parts[c] * seen.lost[c];
+          lost[i] += near_cells_->parts(i)[c] * seen.lost[c];
         }
-      of_others += near_->change(
-          {place.normal, place.starts, place.entries, between.weights, irradiance, place.own},
-          asked.near, lost, count.traced);
+      of_others += near_->change(at, asked.near, open, lost);
     }
     share = glm::vec4(glm::max(of_map + of_others, glm::vec3(0)), share.w);
   }
   if (glossy) {
     const LobeCells::Sums bright =
-        cells_.lobe_sums(seen, place.normal, place.view, height_, counted, count.summed);
+        others.lobe_sums(seen, place.normal, place.view, height_, counted, count.summed);
     sums.all += bright.all, sums.lost += bright.lost;
+    for (std::size_t i = 0; i < near_lights; ++i) sums.lost += (1 - open[i]) * in_lobe[i];
     share.w = sums.share();
   }
   return count;
@@ -180,7 +193,8 @@ static_assert(kSamples == BrightCells::kStarts);
 double TracedLights::operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
                                 const Irradiance& irradiance, const Camera& camera,
                                 const Pose& camera_from_marker, const EntryShares& shares,
-                                const NearShares* near, std::span<FragmentBand> bands) {
+                                const NearShares* near, std::span<FragmentBand> bands,
+                                bool diffuse) {
   if (!scene.bvh || !can_ask(scene, light, shares.own)) return 0;
   entries_.keep(scene, map, light);
   const std::vector<CellStates>& states = entries_.states();
@@ -188,7 +202,7 @@ double TracedLights::operator()(const Scene& scene, const CubeMap& map, const Ce
   if (near) to_near.emplace(scene, *near);
   const LightTracer tracer(*scene.bvh, entries_.cells(), light, irradiance, scene.material,
                            glm::mat3(scene.marker_from_object.rotation),
-                           to_near ? &*to_near : nullptr);
+                           to_near ? &*to_near : nullptr, diffuse);
   if (tracer.mask_size()) lobe_masks_.keep(scene.directions, *tracer.mask_size());
   const float offset = ray_offset(scene.mesh);
   const FragmentPlaces places(scene);

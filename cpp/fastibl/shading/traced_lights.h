@@ -29,23 +29,40 @@ namespace fastibl {
 // the scene's entries.
 bool can_ask(const Scene& scene, const CellLight& light, std::span<const glm::vec4> shares);
 
-// Bright cells that hold light of a near light, and the part of it that each has.
-struct NearCells {
-  std::uint64_t cells = 0;  // a bit for each; none: a faint light, which is left to the vertices
-  std::array<float, BrightCells::kMost> parts;
+// The bright cells that hold light of near lights.
+class NearCells {
+ public:
+  NearCells(const NearTracer& near, const BrightCells& cells);
+
+  std::size_t count() const { return lights_.size(); }  // of the near lights
+  // Of a light: the cells, a bit for each; none for a faint one, which is left to the vertices.
+  std::uint64_t cells(std::size_t light) const { return lights_[light].cells; }
+  // And the part of it that each has, and how much of all light of the map it is.
+  std::span<const float> parts(std::size_t light) const { return lights_[light].parts; }
+  float flux(std::size_t light) const { return lights_[light].flux; }
+  const BrightCells& others() const { return others_; }  // with what else is in them for lobes
+
+ private:
+  struct Light {
+    std::uint64_t cells = 0;
+    std::array<float, BrightCells::kMost> parts;
+    float flux = 0;
+  };
+  std::vector<Light> lights_;
+  BrightCells others_;
 };
-// By light.
-std::vector<NearCells> near_cells(const NearTracer& near, const BrightCells& cells);
 
 // Shares of the light at places between three corners. Keeps references.
 class LightTracer {
  public:
   static constexpr float kSharpest = 1e6f;  // lobe that is summed over rays
   // cells: of the light. irradiance: by which diffuse_shares() found the shares of the corners.
-  // near: lights that are traced to where they are, if any.
+  // near: lights that are traced to where they are, if any. diffuse: whether shares of the
+  // irradiance are to change.
   LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
               const Irradiance& irradiance, const Material& material,
-              const glm::mat3& map_from_light, const NearTracer* near = nullptr);
+              const glm::mat3& map_from_light, const NearTracer* near = nullptr,
+              bool diffuse = true);
 
   struct Place {
     std::span<const glm::vec3> starts;  // of rays, in the bvh's frame: one, or one a sample
@@ -62,10 +79,12 @@ class LightTracer {
     int traced = 0;  // rays
     int summed = 0;  // of glossy light, by rays and middles of cells
   };
-  // What corners do not tell: of bright cells, and of near lights, a bit for each.
+  // What corners do not tell: of bright cells, and of near lights, a bit for each. hides: whether
+  // anything of a near light may be hidden.
   struct Asked {
     std::uint64_t cells = 0;
     std::uint32_t near = 0;
+    bool hides = false;
     bool any() const { return cells != 0 || near != 0; }
   };
   Asked unsure(const CellStates& a, const CellStates& b, const CellStates& c,
@@ -74,7 +93,7 @@ class LightTracer {
               const LobeCells::Corners& between, Asked asked) const;
   // Whether trace() does anything.
   bool changes(glm::vec4 share, Asked asked) const {
-    return (diffuse_ && asked.any()) || (lobe_ && is_touched(share.w));
+    return (diffuse_ && asked.any()) || glossy(share, asked);
   }
   std::optional<int> mask_size() const {
     return lobe_ ? std::optional(lobe_->size()) : std::nullopt;
@@ -85,8 +104,12 @@ class LightTracer {
   const BrightCells& cells_;
   const Irradiance& irradiance_;
   glm::mat3 map_from_light_;
+  bool glossy(glm::vec4 share, Asked asked) const {
+    return lobe_ && (asked.hides || is_touched(share.w));
+  }
+
   const NearTracer* near_;
-  std::vector<NearCells> near_cells_;  // by near light
+  std::optional<NearCells> near_cells_;
   bool diffuse_;
   std::optional<LobeCells> lobe_;  // without the bright cells
   LobeHeight height_;
@@ -114,12 +137,13 @@ class TracedLights {
  public:
   // Changes the fragments' shares, which were interpolated from diffuse_shares() and
   // glossy_shares(). shares: those of the corners. light: of the map, in the cells of the scene's
-  // directions. near: what near lights change in the shares, if anything. Does nothing where the
-  // scene has no bvh. Returns how many rays it traced.
+  // directions. near: what near lights change in the shares, if anything. diffuse: whether shares
+  // of the irradiance change. Does nothing where the scene has no bvh. Returns how many rays it
+  // traced.
   double operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
                     const Irradiance& irradiance, const Camera& camera,
                     const Pose& camera_from_marker, const EntryShares& shares,
-                    const NearShares* near, std::span<FragmentBand> bands);
+                    const NearShares* near, std::span<FragmentBand> bands, bool diffuse = true);
 
  private:
   EntryCells entries_;

@@ -165,7 +165,8 @@ void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
                   std::span<FragmentBand> bands) {
   if (!scene.bvh || !scene.directions || shares.own.size() != scene.directions->entries()) return;
   const bool diffuse = scene.material.reads_irradiance();
-  const std::optional<LobeShape> lobe = scene.material.lobe();
+  std::optional<LobeShape> lobe;
+  if (!near) lobe = scene.material.lobe();
   if (!diffuse && !lobe) return;
   const glm::mat3 map_from_mesh(scene.marker_from_object.rotation);
   const float offset = ray_offset(scene.mesh);
@@ -184,10 +185,12 @@ void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
     const NearTracer::Place place{at.place.normal,  {&start, 1}, at.entries,
                                   at.place.weights, irradiance,  own};
     int rays = 0;
-    std::array<float, NearTracer::kMost> lost{};
-    for (std::size_t k = 0; k < to_near->lights().size(); ++k)
-      lost[k] = to_near->lost(to_near->lights()[k], place, rays);
-    return to_near->change(place, ~std::uint32_t{0}, lost, rays);
+    std::array<float, NearTracer::kMost> open{}, lost{};
+    for (std::size_t k = 0; k < to_near->lights().size(); ++k) {
+      const NearTracer::Light& l = to_near->lights()[k];
+      open[k] = to_near->open(l, place, rays), lost[k] = 1 - to_near->open_in_map(l, place, rays);
+    }
+    return to_near->change(place, ~std::uint32_t{0}, open, lost);
   };
   parallel_for(int(bands.size()), 4, [&](int begin, int end) {
     CornerPieces corner_pieces(scene, light.pieces());

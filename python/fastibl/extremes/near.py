@@ -112,7 +112,8 @@ def _drawn(place, backend: str) -> Outcome:
 @cache
 def _balls(method: str, backend: str) -> Session:
     methods = {"diffuse": "irradiance-cube", "self_shadow": method, "bounce": "none"}
-    scene = Scene(two_balls(), Material(diffuse=(0.6, 0.6, 0.6)), spheres=0)
+    material = Material(diffuse=(0.6, 0.6, 0.6), glossy=(0.2, 0.2, 0.2), exponent=50)
+    scene = Scene(two_balls(), material, spheres=0)
     return Session(scene, Rig(PICTURE), methods=methods, backend=backend)
 
 

@@ -87,12 +87,15 @@ class CpuRenderer final : public Renderer {
         rasterizer_.rasterize(in.scene, camera, in.camera_from_marker, in.light_shares,
                               in.holdout_ratios, in.shades_alike_as_one && !by_rays);
     const EntryShares shares{in.self_shares, in.light_shares};
-    if (in.methods.self_shadow == SelfShadowMethod::traced && in.lighting.radiance)
+    const bool all = in.methods.self_shadow == SelfShadowMethod::traced;
+    if (all && in.lighting.radiance)
       trace_shares(in.scene, in.lighting, eye, shares, in.near_shares, seen);
-    if (in.methods.self_shadow == SelfShadowMethod::traced_lights && in.lighting.radiance &&
-        in.cell_light)
+    // All light by rays does not know where glossy light is; the brightest does.
+    const bool brightest = in.methods.self_shadow == SelfShadowMethod::traced_lights ||
+                           (all && in.near_shares && in.scene.material.lobe());
+    if (brightest && in.lighting.radiance && in.cell_light)
       traced_lights_(in.scene, *in.lighting.radiance, *in.cell_light, in.lighting.irradiance,
-                     camera, in.camera_from_marker, shares, in.near_shares, seen);
+                     camera, in.camera_from_marker, shares, in.near_shares, seen, !all);
     if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
       glossy_shares_(in.scene, *in.cell_light, eye, seen);
     if (by_rays && in.shades_alike_as_one) merge_alike(in.scene.material, seen);

@@ -58,13 +58,15 @@ bool PixelShares::find(Gpu& gpu, LightTextures& light, const PixelParts& parts,
   gpu.allocate(shares_, GL_RGBA16F, columns_ * parts.visible.width, rows * parts.visible.height,
                GL_RGBA, GL_HALF_FLOAT);
   std::optional<NearTracer> near;
-  if (variant != 0 && in.near_shares) near.emplace(scene, *in.near_shares);
+  if (rays && in.near_shares) near.emplace(scene, *in.near_shares);
   const Program& p = gpu.use(
       "pixel_shares",
       {"DIFFUSE " + std::to_string(variant), "LOBE " + std::to_string(shape ? 1 + shape->ggx : 0),
        rays ? "RAYS 1" : "RAYS 0", near ? "NEAR 1" : "NEAR 0", distortion(*in.camera)});
   light.set_irradiance(gpu, p, variant, e);
   if (lobe) bind_lobe(gpu, p, *lobe, *shape);
+  if (!near && without_near_)
+    upload_bright(gpu, known_.cells(), known_.cells()), without_near_ = false;
   if (rays) bind_rays(gpu, p, in);
   if (near) bind_near(gpu, p, *near, *in.near_shares, scene);
   const Pose camera_from_object = in.camera_from_marker * scene.marker_from_object;
@@ -109,7 +111,7 @@ void PixelShares::upload(Gpu& gpu, const Scene& scene, const std::optional<LobeC
   if (entries_of_ != Entries{{scene.directions, size}, rays}) {
     entries_of_ = {};
     upload_entries(gpu, scene, rays, lobe.has_value());
-    if (rays) upload_bright(gpu, known_.cells());
+    if (rays) upload_bright(gpu, known_.cells(), known_.cells());
     entries_of_ = {{scene.directions, size}, rays};
   }
 }
@@ -154,15 +156,18 @@ void PixelShares::upload_tree(Gpu& gpu, const Bvh& bvh) {
   upload_table(gpu, tree_, table);
 }
 
-void PixelShares::upload_bright(Gpu& gpu, const BrightCells& cells) {
+void PixelShares::upload_bright(Gpu& gpu, const BrightCells& cells, const BrightCells& for_lobes) {
   std::vector<glm::vec4> table;
-  for (const BrightCells::Cell& c : cells.cells()) {
+  for (std::size_t i = 0; i < cells.cells().size(); ++i) {
+    const BrightCells::Cell& c = cells.cells()[i];
     table.emplace_back(c.direction, c.first);
     table.emplace_back(c.moments[0], c.count);
     table.emplace_back(c.moments[1], c.first_count);
     table.emplace_back(c.moments[2], c.share / float(c.count));
+    table.emplace_back(for_lobes.left(i), 0, 0, 0);
   }
-  for (const glm::vec3& ray : cells.rays()) table.emplace_back(ray, 0);
+  for (std::size_t r = 0; r < cells.rays().size(); ++r)
+    table.emplace_back(cells.rays()[r], for_lobes.is_left_out(r) ? 0 : 1);
   upload_table(gpu, bright_, table);
 }
 
@@ -234,18 +239,20 @@ void PixelShares::bind_near(Gpu& gpu, const Program& p, const NearTracer& near,
     upload_table(gpu, near_entries_, table);
     near_of_ = std::move(now);
   }
-  const std::vector<NearCells> of_cells = near_cells(near, known_.cells());
+  const NearCells of_cells(near, known_.cells());
+  upload_bright(gpu, known_.cells(), of_cells.others());
+  without_near_ = true;
   std::vector<glm::uvec4> table;
   for (std::size_t i = 0; i < lights.size(); ++i) {
     const NearTracer::Light& l = lights[i];
     table.emplace_back(bits(l.direction), std::bit_cast<GLuint>(l.inverse_distance));
     table.emplace_back(bits(l.irradiance), std::bit_cast<GLuint>(l.sin_radius));
-    table.emplace_back(halves(of_cells[i].cells), 0u, 0u);
+    table.emplace_back(halves(of_cells.cells(i)), std::bit_cast<GLuint>(of_cells.flux(i)), 0u);
   }
   for (std::size_t c = 0; c < known_.cells().cells().size(); ++c) {
     std::array<GLuint, 8> parts{};
     for (std::size_t i = 0; i < lights.size(); ++i)
-      parts[i] = std::bit_cast<GLuint>(of_cells[i].parts[c]);
+      parts[i] = std::bit_cast<GLuint>(of_cells.parts(i)[c]);
     table.emplace_back(parts[0], parts[1], parts[2], parts[3]);
     table.emplace_back(parts[4], parts[5], parts[6], parts[7]);
   }

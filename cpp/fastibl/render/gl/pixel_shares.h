@@ -35,7 +35,7 @@ class PixelShares {
   void upload(Gpu& gpu, const Scene& scene, const std::optional<LobeCells>& lobe, bool rays);
   void upload_entries(Gpu& gpu, const Scene& scene, bool rays, bool masks);
   void upload_tree(Gpu& gpu, const Bvh& bvh);
-  void upload_bright(Gpu& gpu, const BrightCells& cells);
+  void upload_bright(Gpu& gpu, const BrightCells& cells, const BrightCells& for_lobes);
   void upload_lobe(Gpu& gpu, const LobeCells& lobe);
   void bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe, const LobeShape& shape);
   void set_tiles(const Program& p, const Area& area) const;
@@ -66,6 +66,7 @@ class PixelShares {
     bool operator==(const Near&) const = default;
   };
   Near near_of_;
+  bool without_near_ = false;  // whether bright_ leaves near lights out of lobes
   std::shared_ptr<const Bvh> tree_of_;
   Masks masks_of_;
   Entries entries_of_;
