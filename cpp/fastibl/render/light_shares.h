@@ -51,7 +51,7 @@ class LightShares {
 
   std::span<const glm::vec4> all() const { return changes() ? changed_ : own_; }
   std::span<const glm::vec4> own() const { return own_; }  // without near lights and the bounce
-  const NearShares* near() const { return near_.empty() ? nullptr : &near_maker_; }
+  const NearShares* near_shares() const { return near_.empty() ? nullptr : &near_maker_; }
   const CellLight& cell_light() const { return cell_light_; }
   const std::shared_ptr<const ShadowMap>& plane_gain() const { return plane_gain_; }
   std::span<const glm::vec4> holdouts() const { return holdouts_; }

@@ -413,7 +413,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
   if (id == PassId::composite) read_exposure(frame, drawn_from);
   renderer_->run(
       id, {scene_, plan_.methods, *lighting_, &drawn_by_, drawn_from, frame.back, back_exposure_,
-           shares_.all(), shares_.plane_gain(), shares_.holdouts(), shares_.own(), shares_.near(),
+           shares_.all(), shares_.plane_gain(), shares_.holdouts(), shares_.own(), shares_.near_shares(),
            &shares_.cell_light(), plan_.shades_alike_as_one, options_.supersampling});
   return true;
 }

@@ -17,8 +17,8 @@ constexpr int kGrain = 512;  // entries
 
 }  // namespace
 
-NearCells::NearCells(const NearTracer& near, const BrightCells& cells) : others_(cells) {
-  for (const NearTracer::Light& l : near.lights()) {
+NearCells::NearCells(const NearTracer& near_tracer, const BrightCells& cells) : others_(cells) {
+  for (const NearTracer::Light& l : near_tracer.lights()) {
     Light& of = lights_.emplace_back();
     of.cells = cells.parts_towards(l.direction, l.sin_radius, of.parts);
     if (of.cells != 0) of.flux = others_.leave_out(l.direction, l.sin_radius);
@@ -27,12 +27,13 @@ NearCells::NearCells(const NearTracer& near, const BrightCells& cells) : others_
 
 LightTracer::LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
                          const Irradiance& irradiance, const Material& material,
-                         const glm::mat3& map_from_light, const NearTracer* near, bool diffuse)
+                         const glm::mat3& map_from_light, const NearTracer* near_tracer,
+                         bool diffuse)
     : bvh_(bvh),
       cells_(cells),
       irradiance_(irradiance),
       map_from_light_(map_from_light),
-      near_(near),
+      near_(near_tracer),
       diffuse_(diffuse && material.reads_irradiance()),
       height_(material.lobe(), kSharpest) {
   height_.f0 = 1;  // as for the other cells
@@ -52,7 +53,7 @@ LightTracer::Asked LightTracer::unsure(const CellStates& a, const CellStates& b,
     if (cells == 0) continue;
     const NearState state = near_->between(near_->lights()[i], entries);
     if (bent || (cells & asked.cells) != 0 || state == NearState::mixed)
-      asked.near |= std::uint32_t{1} << i;
+      asked.near_lights |= std::uint32_t{1} << i;
     asked.hides |= state == NearState::mixed || state == NearState::hidden;
   }
   return asked;
@@ -83,7 +84,8 @@ LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
   }
   open.fill(1);
   for (std::size_t i = 0; i < near_lights; ++i)
-    if ((diffuse_ && (asked.near >> i & 1) != 0) || in_lobe[i] > BrightCells::kCounts * sums.all)
+    if ((diffuse_ && (asked.near_lights >> i & 1) != 0) ||
+        in_lobe[i] > BrightCells::kCounts * sums.all)
       open[i] = near_->open(near_->lights()[i], at, count.traced);
   thread_local BrightCells::Seen seen;
   count.traced += cells_.look(bvh_, place.starts, place.normal, corners, asked.cells, seen);
@@ -98,13 +100,13 @@ LightTracer::Count LightTracer::trace(glm::vec4& share, const Place& place,
                                            before, asked.cells);
     const glm::vec3 of_map = glm::clamp(before + change, glm::vec3(0), glm::vec3(1));
     glm::vec3 of_others = place.of_others;
-    if (asked.near != 0) {
+    if (asked.near_lights != 0) {
       for (std::size_t i = 0; i < near_lights; ++i)
         for (std::uint64_t left = near_cells_->cells(i); left != 0; left &= left - 1) {
           const auto c = std::size_t(std::countr_zero(left));
           lost[i] += near_cells_->parts(i)[c] * seen.lost[c];
         }
-      of_others += near_->change(at, asked.near, open, lost);
+      of_others += near_->change(at, asked.near_lights, open, lost);
     }
     share = glm::vec4(glm::max(of_map + of_others, glm::vec3(0)), share.w);
   }
@@ -193,13 +195,13 @@ static_assert(kSamples == BrightCells::kStarts);
 double TracedLights::operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
                                 const Irradiance& irradiance, const Camera& camera,
                                 const Pose& camera_from_marker, const EntryShares& shares,
-                                const NearShares* near, std::span<FragmentBand> bands,
+                                const NearShares* near_shares, std::span<FragmentBand> bands,
                                 bool diffuse) {
   if (!scene.bvh || !can_ask(scene, light, shares.own)) return 0;
   entries_.keep(scene, map, light);
   const std::vector<CellStates>& states = entries_.states();
   std::optional<NearTracer> to_near;
-  if (near) to_near.emplace(scene, *near);
+  if (near_shares) to_near.emplace(scene, *near_shares);
   const LightTracer tracer(*scene.bvh, entries_.cells(), light, irradiance, scene.material,
                            glm::mat3(scene.marker_from_object.rotation),
                            to_near ? &*to_near : nullptr, diffuse);

@@ -32,7 +32,7 @@ bool can_ask(const Scene& scene, const CellLight& light, std::span<const glm::ve
 // The bright cells that hold light of near lights.
 class NearCells {
  public:
-  NearCells(const NearTracer& near, const BrightCells& cells);
+  NearCells(const NearTracer& near_tracer, const BrightCells& cells);
 
   std::size_t count() const { return lights_.size(); }  // of the near lights
   // Of a light: the cells, a bit for each; none for a faint one, which is left to the vertices.
@@ -57,11 +57,11 @@ class LightTracer {
  public:
   static constexpr float kSharpest = 1e6f;  // lobe that is summed over rays
   // cells: of the light. irradiance: by which diffuse_shares() found the shares of the corners.
-  // near: lights that are traced to where they are, if any. diffuse: whether shares of the
+  // near_tracer: lights that are traced to where they are, if any. diffuse: whether shares of the
   // irradiance are to change.
   LightTracer(const Bvh& bvh, const BrightCells& cells, const CellLight& light,
               const Irradiance& irradiance, const Material& material,
-              const glm::mat3& map_from_light, const NearTracer* near = nullptr,
+              const glm::mat3& map_from_light, const NearTracer* near_tracer = nullptr,
               bool diffuse = true);
 
   struct Place {
@@ -83,9 +83,9 @@ class LightTracer {
   // anything of a near light may be hidden.
   struct Asked {
     std::uint64_t cells = 0;
-    std::uint32_t near = 0;
+    std::uint32_t near_lights = 0;
     bool hides = false;
-    bool any() const { return cells != 0 || near != 0; }
+    bool any() const { return cells != 0 || near_lights != 0; }
   };
   Asked unsure(const CellStates& a, const CellStates& b, const CellStates& c,
                const NearTracer::Entries& entries = {}) const;
@@ -137,13 +137,14 @@ class TracedLights {
  public:
   // Changes the fragments' shares, which were interpolated from diffuse_shares() and
   // glossy_shares(). shares: those of the corners. light: of the map, in the cells of the scene's
-  // directions. near: what near lights change in the shares, if anything. diffuse: whether shares
-  // of the irradiance change. Does nothing where the scene has no bvh. Returns how many rays it
-  // traced.
+  // directions. near_shares: what near lights change in the shares, if anything. diffuse: whether
+  // shares of the irradiance change. Does nothing where the scene has no bvh. Returns how many rays
+  // it traced.
   double operator()(const Scene& scene, const CubeMap& map, const CellLight& light,
                     const Irradiance& irradiance, const Camera& camera,
                     const Pose& camera_from_marker, const EntryShares& shares,
-                    const NearShares* near, std::span<FragmentBand> bands, bool diffuse = true);
+                    const NearShares* near_shares, std::span<FragmentBand> bands,
+                    bool diffuse = true);
 
  private:
   EntryCells entries_;

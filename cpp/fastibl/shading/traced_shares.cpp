@@ -161,19 +161,19 @@ float TracedLight::along_taps(std::span<const LobeTap> taps, glm::vec3 start) co
 }
 
 void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
-                  const EntryShares& shares, const NearShares* near,
+                  const EntryShares& shares, const NearShares* near_shares,
                   std::span<FragmentBand> bands) {
   if (!scene.bvh || !scene.directions || shares.own.size() != scene.directions->entries()) return;
   const bool diffuse = scene.material.reads_irradiance();
   std::optional<LobeShape> lobe;
-  if (!near) lobe = scene.material.lobe();
+  if (!near_shares) lobe = scene.material.lobe();
   if (!diffuse && !lobe) return;
   const glm::mat3 map_from_mesh(scene.marker_from_object.rotation);
   const float offset = ray_offset(scene.mesh);
   const TracedLight light(*scene.bvh, *lighting.radiance, map_from_mesh, diffuse, lobe);
   const FragmentPlaces places(scene);
   std::optional<NearTracer> to_near;
-  if (near) to_near.emplace(scene, *near);
+  if (near_shares) to_near.emplace(scene, *near_shares);
   // What near lights change, less what is interpolated.
   const auto near_change = [&](const FragmentPlace& at, glm::vec3 start) {
     if (!to_near) return glm::vec3(0);

@@ -40,8 +40,8 @@ class PixelShares {
   void bind_lobe(Gpu& gpu, const Program& p, const LobeCells& lobe, const LobeShape& shape);
   void set_tiles(const Program& p, const Area& area) const;
   void bind_rays(Gpu& gpu, const Program& p, const RenderInput& in);
-  void bind_near(Gpu& gpu, const Program& p, const NearTracer& near, const NearShares& shares,
-                 const Scene& scene);
+  void bind_near(Gpu& gpu, const Program& p, const NearTracer& near_tracer,
+                 const NearShares& shares, const Scene& scene);
 
   Texture entries_, lobe_masks_, lobe_cells_, tree_, bright_, self_shares_, shares_, near_lights_,
       near_entries_;
