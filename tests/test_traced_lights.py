@@ -269,10 +269,10 @@ def test_a_lamp_nearby_in_a_lobe(kind, backend):
     top = (triangle >= 0) & (np.abs(np.where(triangle[..., None] >= 0, at, 1) - [0, 0, 0.05]).max(axis=-1) < 0.047)
     top &= np.abs(at[..., 2] - 0.05) < 1e-4
     scene = fastibl.Scene(BOXES, material, spheres=0)
-    methods = ("traced-lights", "transfer")
-    made = {m: picture(session_of(scene, light, m, backend=backend), pose) for m in (*methods, "none")}
+    limits = {"traced-lights": 0.04, "transfer": 0.08, "pixel-transfer": 0.08}  # 0.3 by the map's directions
+    made = {m: picture(session_of(scene, light, m, backend=backend), pose) for m in (*limits, "none")}
     top &= made["none"][..., 3] == 1
-    shares = {m: made[m][..., 1] / np.where(top, made["none"][..., 1], 1) for m in methods}
+    shares = {m: made[m][..., 1] / np.where(top, made["none"][..., 1], 1) for m in limits}
     rows, columns = np.nonzero(top)
     chosen = np.random.default_rng(0).permutation(len(rows))[:80]
     sky, angles, _ = reference.samples(np.zeros((6, 48, 48, 3)))
@@ -290,4 +290,5 @@ def test_a_lamp_nearby_in_a_lobe(kind, backend):
     rms = {method: float(np.sqrt(np.mean(np.square(e)))) for method, e in error.items()}
     print(f"{kind}, {backend}: {len(true)} pixels, shares {min(true):.2f} to {max(true):.2f}; RMS {rms}")
     assert len(true) == 80 and max(true) - min(true) > 0.3
-    assert rms["traced-lights"] < 0.5 * rms["transfer"]
+    for method, limit in limits.items():
+        assert rms[method] < limit

@@ -89,10 +89,10 @@ double near_bound(const Scene& scene, const Lighting& lighting) {
 
 Omission of_near_light(const Scene& scene, const Environment* environment,
                        const PlanOptions& options, const Methods& methods) {
-  // Glossy light is placed where it is looked up; rays find what hides it.
-  const bool traced = traces_rays(methods.self_shadow) && scene.material.lobe() &&
+  // Glossy light is placed where it is looked up; here it is found what hides it there.
+  const bool hidden = knows_directions(methods.self_shadow) && scene.material.lobe() &&
                       scene.directions && !scene.directions->blocks_nothing();
-  if (!scene.material.reads_irradiance() && !traced) return {kUnread};
+  if (!scene.material.reads_irradiance() && !hidden) return {kUnread};
   const Lighting* lighting = options.lighting;
   const bool known = lighting && lighting->radiance;
   if (known ? lighting->near_lights.empty() : !environment || environment->light_positions.empty())

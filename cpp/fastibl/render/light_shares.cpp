@@ -2,6 +2,7 @@
 
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/holdout.h"
+#include "fastibl/shading/near_lobes.h"
 
 namespace fastibl {
 namespace {
@@ -91,8 +92,13 @@ void LightShares::find_glossy(const Scene& scene, const CubeMap* radiance, SelfS
       !scene.directions->blocks_nothing()) {
     update_cell_light(scene, *radiance);
     const Pose object_from_camera = (camera_from_marker * scene.marker_from_object).inverse();
+    std::optional<NearLobes> near_lobes;
+    if (!near_.empty())
+      near_lobes.emplace(scene, near_maker_, cell_light_,
+                         glm::vec3(radiance->level_at_most(16).mean()), *lobe);
     glossy_shares(*scene.directions, cell_light_, *lobe, scene.mesh.vertices, scene.normals,
-                  glm::vec3(object_from_camera.translation), own_);
+                  glm::vec3(object_from_camera.translation), own_,
+                  near_lobes ? &*near_lobes : nullptr);
   }
   if (!changes()) return;
   changed_ = by_side(scene);

@@ -17,7 +17,8 @@ constexpr float kBehind = -0.25f;  // n · v of vertices between which no pixel 
 
 void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
                    const LobeShape& lobe, std::span<const glm::vec3> vertices,
-                   std::span<const glm::vec3> normals, glm::vec3 eye, std::span<glm::vec4> shares) {
+                   std::span<const glm::vec3> normals, glm::vec3 eye, std::span<glm::vec4> shares,
+                   const NearLobes* near_lobes) {
   check(visibility.size == light.size(), "light must have the cells of the visibility, ",
         visibility.size, ", got ", light.size());
   check(visibility.vertex_count() == vertices.size() && vertices.size() == normals.size() &&
@@ -25,7 +26,8 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
         "there must be as many vertices and normals, ", visibility.vertex_count(),
         ", and as many shares as entries, ", visibility.entries(), ", got ", vertices.size(), ", ",
         normals.size(), " and ", shares.size());
-  const LobeCells cells(light, lobe);
+  const LobeCells cells(near_lobes ? near_lobes->flux() : std::span<const float>(light.flux()),
+                        lobe);
   parallel_for(int(shares.size()), kGrain, [&](int begin, int end) {
     HiddenCells hidden(cells.size());
     for (int i = begin; i < end; ++i) {
@@ -41,7 +43,14 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
         continue;
       }
       hidden.set(edges, visibility.size);
-      shares[e].w = cells.share(n, view, hidden.masks());
+      if (!near_lobes) {
+        shares[e].w = cells.share(n, view, hidden.masks());
+        continue;
+      }
+      const HiddenCells::Mask* const masks = hidden.masks();
+      LobeCells::Sums sums = cells.sums(n, view, {{masks, masks, masks}, {1, 0, 0}});
+      near_lobes->add(e, vertices[v], n, view, sums);
+      if (sums.lost > 0) shares[e].w = sums.share();
     }
   });
 }

@@ -41,8 +41,8 @@ const Cells& cells_of(int size) {
   return all[size / 32];  // 16, 32, 64: 0, 1, 2
 }
 
-Flux flux_of(const CellLight& light, std::span<const int> without, std::size_t count) {
-  std::vector<float> own = light.flux();
+Flux flux_of(std::span<const float> of, std::span<const int> without, std::size_t count) {
+  std::vector<float> own(of.begin(), of.end());
   for (const int k : without) own[std::size_t(k)] = 0;
   Flux flux{std::vector<float>(count, 0.0f), std::vector<float>(count / kLanes, 0.0f)};
   const std::size_t finer = std::max(count, own.size());
@@ -210,10 +210,14 @@ double lobe_groups(const std::optional<LobeShape>& lobe) {
   return 1 + near + (lobe->ggx ? (at.cells->groups - near) / kLanes : 0);
 }
 
-LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe, std::span<const int> without) {
+LobeCells::LobeCells(const CellLight& light, const LobeShape& lobe, std::span<const int> without)
+    : LobeCells(light.flux(), lobe, without) {}
+
+LobeCells::LobeCells(std::span<const float> flux, const LobeShape& lobe,
+                     std::span<const int> without) {
   const Reach at = reach_of(lobe);
   size_ = at.size, cells_ = at.cells, least_ = at.least;
-  flux_ = flux_of(light, without, cells_->x.size());
+  flux_ = flux_of(flux, without, cells_->x.size());
   const float exponent = at.exponent;
   ggx_ = lobe.ggx;
   half_exponent_ = ggx_ ? 0 : 0.5f * exponent;

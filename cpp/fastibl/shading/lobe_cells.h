@@ -23,6 +23,8 @@ class LobeCells {
  public:
   // without: cells of the light whose flux does not count here.
   LobeCells(const CellLight& light, const LobeShape& lobe, std::span<const int> without = {});
+  // flux: of the cells of a light.
+  LobeCells(std::span<const float> flux, const LobeShape& lobe, std::span<const int> without = {});
 
   int size() const { return size_; }  // cells along an edge; masks must have as many
 

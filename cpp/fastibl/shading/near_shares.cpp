@@ -9,12 +9,13 @@
 #include "fastibl/scene/octahedral.h"
 #include "fastibl/scene/shared_formulas.h"
 #include "fastibl/shading/hidden_cells.h"
-#include "fastibl/shading/sunflower.h"
+#include "fastibl/shading/light_disc.h"
 
 namespace fastibl {
 namespace {
 
-constexpr int kGrain = 256;  // vertices
+constexpr int kGrain = 256;           // vertices
+constexpr float kLeastTurn = 0.002f;  // radians
 // Points of a light's disc where the object is looked for: the most, and the cells for each.
 constexpr int kMostPoints = 16;
 constexpr float kPointArea = 2;
@@ -117,6 +118,13 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
   // What nothing reads was not fitted; lobes ask for what is hidden alone.
   if (scene.material.reads_irradiance()) evaluate(lighting.irradiance, normals, all);
 
+  // Whether any place of the object sees a light elsewhere than the map's centre does.
+  float reach = 0;
+  for (std::size_t i = 0; i < vertices; ++i)
+    reach =
+        std::max(reach, glm::length(turn * scene.mesh.vertices[i] + shift - near_lights.centre));
+  const auto turns = [&](const NearLight& l) { return l.inverse_distance * reach > kLeastTurn; };
+
   std::vector<OfLight> now;
   std::vector<std::size_t> moved;  // of those
   for (const NearLight& light : near_lights.lights) {
@@ -126,8 +134,10 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
     if (std::size_t(same - lights_.begin()) != now.size()) version_ = next_version();
     if (same == lights_.end()) {
       moved.push_back(now.size());
+      const std::size_t known = visibility && turns(light) ? count : 0;
       now.push_back({light, std::vector<float>(count),
-                     std::vector<NearState>(visibility ? count : 0, NearState::open)});
+                     std::vector<NearState>(known, NearState::open),
+                     std::vector<float>(known, 1.0f)});
     } else {
       now.push_back(std::move(*same));
       now.back().light.irradiance = light.irradiance;
@@ -164,8 +174,13 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
           if (length > 1e-6f) {
             const glm::vec3 towards = back * (arrow / length);
             const float sin_radius = std::min(light.sin_radius / length, 1.0f);
-            if (here > 0) here *= free_part(*hidden, Disc(*grid, towards, sin_radius), normal);
-            of_light.states[i] = state_of(*hidden, *grid, towards, sin_radius, normal);
+            const float open =
+                here > 0 ? free_part(*hidden, Disc(*grid, towards, sin_radius), normal) : 1.0f;
+            here *= open;
+            if (!of_light.states.empty()) {
+              of_light.open[i] = open;
+              of_light.states[i] = state_of(*hidden, *grid, towards, sin_radius, normal);
+            }
           }
           if (centre > 0) centre *= free_part(*hidden, discs[m], normal);
         }

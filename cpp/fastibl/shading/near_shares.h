@@ -32,9 +32,12 @@ class NearShares {
   std::vector<glm::vec3> update(const Scene& scene, const Lighting& lighting, SharesOf shares);
 
   struct OfLight {
-    NearLight light;                // its place is that for which these were found
-    std::vector<float> changes;     // in units of its irradiance on a facing surface, by entry
-    std::vector<NearState> states;  // by entry, for SharesOf::directions; else empty
+    NearLight light;             // its place is that for which these were found
+    std::vector<float> changes;  // in units of its irradiance on a facing surface, by entry
+    // By entry, for SharesOf::directions where it is not as good as distant; else empty. open: its
+    // part that nothing hides, where it is above the tangent plane.
+    std::vector<NearState> states;
+    std::vector<float> open;
   };
   // Of the last update.
   const std::vector<OfLight>& lights() const { return lights_; }

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fastibl/core/lanes.h"
 #include "fastibl/scene/shared_formulas.h"
+#include "fastibl/shading/light_disc.h"
 #include "fastibl/shading/self_shadow.h"
-#include "fastibl/shading/sunflower.h"
 
 namespace fastibl {
 
@@ -147,22 +146,7 @@ float NearTracer::open_part(const Light& light, const Place& place, glm::vec3 ar
 
 float NearTracer::in_lobe(const Light& light, float flux, const Place& place, glm::vec3 view,
                           const LobeHeight& lobe) const {
-  const glm::vec3 to_light = arrow(light, place);
-  const float length = std::max(glm::length(to_light), light.sin_radius),
-              sine = light.sin_radius / length;
-  const DiscPoints<kRays> points(to_light / length, sine);
-  static_assert(kRays % kLanes == 0);
-  std::array<float, kRays> fluxes, weights;
-  // The closer, the larger; it may become half of all directions.
-  fluxes.fill(flux / (length * length * float(kRays)));
-  const LitDirections lit{
-      points.x, points.y, points.z, fluxes.data(), {fluxes.data(), fluxes.data(), fluxes.data()},
-      kRays};
-  const float apart = std::sqrt(kPi / float(kRays)) * sine;
-  weigh_squares(lit, apart, place.normal, view, lobe, weights.data());
-  float sum = 0;
-  for (const float w : weights) sum += w;
-  return sum;
+  return disc_in_lobe(arrow(light, place), light.sin_radius, flux, place.normal, view, lobe);
 }
 
 }  // namespace fastibl

@@ -96,7 +96,9 @@ class CpuRenderer final : public Renderer {
     if (brightest && in.lighting.radiance && in.cell_light)
       traced_lights_(in.scene, *in.lighting.radiance, *in.cell_light, in.lighting.irradiance,
                      camera, in.camera_from_marker, shares, in.near_shares, seen, !all);
-    if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light)
+    // With near lights, lobes are the vertices' own.
+    if (in.methods.self_shadow == SelfShadowMethod::pixel_transfer && in.cell_light &&
+        !in.near_shares)
       glossy_shares_(in.scene, *in.cell_light, eye, seen);
     if (by_rays && in.shades_alike_as_one) merge_alike(in.scene.material, seen);
     for (const FragmentBand& band : seen)

@@ -37,7 +37,7 @@ bool PixelShares::find(Gpu& gpu, LightTextures& light, const PixelParts& parts,
   const bool rays = in.methods.self_shadow == SelfShadowMethod::traced_lights;
   if (!has(in.methods.self_shadow) || !in.cell_light ||
       !can_ask(scene, *in.cell_light, in.self_shares) ||
-      (rays && !(scene.bvh && in.lighting.radiance)))
+      (rays ? !(scene.bvh && in.lighting.radiance) : in.near_shares != nullptr))
     return false;
   const std::optional<LobeShape> shape = scene.material.lobe();
   if (rays && known_.keep(scene, *in.lighting.radiance, *in.cell_light)) entries_of_ = {};

@@ -1,10 +1,11 @@
-// Places spread evenly over the disc of a light.
+// The disc that a light is seen as: places spread evenly over it, and the disc in a lobe.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
 #include "fastibl/core/vector.h"
+#include "fastibl/shading/light_sums.h"
 
 namespace fastibl {
 
@@ -40,5 +41,9 @@ struct DiscPoints {
     }
   }
 };
+
+// A light of this flux, as the map has it, in a lobe. arrow: see near_arrow(); normal, view: unit.
+float disc_in_lobe(glm::vec3 arrow, float sin_radius, float flux, glm::vec3 normal, glm::vec3 view,
+                   const LobeHeight& lobe);
 
 }  // namespace fastibl
