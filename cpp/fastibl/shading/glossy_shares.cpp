@@ -47,8 +47,7 @@ void glossy_shares(const VertexVisibility& visibility, const CellLight& light,
         shares[e].w = cells.share(n, view, hidden.masks());
         continue;
       }
-      const HiddenCells::Mask* const masks = hidden.masks();
-      LobeCells::Sums sums = cells.sums(n, view, {{masks, masks, masks}, {1, 0, 0}});
+      LobeCells::Sums sums = cells.sums(n, view, hidden.masks());
       near_lobes->add(e, vertices[v], n, view, sums);
       if (sums.lost > 0) shares[e].w = sums.share();
     }

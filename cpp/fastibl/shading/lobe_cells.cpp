@@ -120,11 +120,12 @@ struct Hidden {
 };
 
 // axis: the lobe's middle. Groups whose product with it is above `least` are looked at cell by
-// cell. far: whether the others are looked at as a whole.
+// cell. far: whether the others are looked at as a whole. untouched: whether sums are wanted where
+// nothing is hidden.
 template <typename V, int kCorners>
 FASTIBL_INLINE void add_up(const Cells& cells, const Flux& flux, const View& view,
                            const float* axis, float least, const Hidden<kCorners>& hidden, bool far,
-                           Sums* sums) {
+                           bool untouched, Sums* sums) {
   constexpr int kWidth = kFloatsIn<V>, kParts = kLanes / kWidth;
   std::uint16_t near[kMostGroups];
   int count = 0, touched = 0;
@@ -137,8 +138,7 @@ FASTIBL_INLINE void add_up(const Cells& cells, const Flux& flux, const View& vie
       touched |= is_near[k] & hidden.masks[0][first + k];
     }
   }
-  // Places between corners are mostly asked only where one of the corners meets the object.
-  if (!touched && !far && kCorners == 1) return;
+  if (!touched && !far && !untouched) return;
   V all[kParts] = {}, lost[kParts] = {};
   for (int first = 0; far && first < cells.groups; first += kLanes)
     for (int p = 0; p < kParts; ++p) {
@@ -171,12 +171,13 @@ FASTIBL_INLINE void add_up(const Cells& cells, const Flux& flux, const View& vie
 }
 FASTIBL_BY_WIDTH(void add_up_at_corner(const Cells& cells, const Flux& flux, const View& view,
                                        const float* axis, float least, const Hidden<1>& hidden,
-                                       bool far, Sums* sums),
-                 add_up<V, 1>(cells, flux, view, axis, least, hidden, far, sums))
+                                       bool far, bool untouched, Sums* sums),
+                 add_up<V, 1>(cells, flux, view, axis, least, hidden, far, untouched, sums))
+// Places between corners are mostly asked only where one of the corners meets the object.
 FASTIBL_BY_WIDTH(void add_up_between(const Cells& cells, const Flux& flux, const View& view,
                                      const float* axis, float least, const Hidden<3>& hidden,
                                      bool far, Sums* sums),
-                 add_up<V, 3>(cells, flux, view, axis, least, hidden, far, sums))
+                 add_up<V, 3>(cells, flux, view, axis, least, hidden, far, true, sums))
 
 // Cells along an edge of which two are no wider than the lobe's standard deviation.
 int size_for(float width) { return width > 0.75f ? 16 : width > 0.24f ? 32 : kFinest; }
@@ -246,11 +247,19 @@ float LobeCells::Sums::share() const {
 }
 
 float LobeCells::share(glm::vec3 n, glm::vec3 view, const HiddenCells::Mask* hidden) const {
-  return summed(n, view,
-                [&](const View& at, const float* axis, Sums& sums) {
-                  add_up_at_corner(*cells_, flux_, at, axis, least_, {{hidden}, {1}}, ggx_, &sums);
-                })
-      .share();
+  return at_corner(n, view, hidden, false).share();
+}
+
+LobeCells::Sums LobeCells::sums(glm::vec3 n, glm::vec3 view,
+                                const HiddenCells::Mask* hidden) const {
+  return at_corner(n, view, hidden, true);
+}
+
+LobeCells::Sums LobeCells::at_corner(glm::vec3 n, glm::vec3 view, const HiddenCells::Mask* hidden,
+                                     bool untouched) const {
+  return summed(n, view, [&](const View& at, const float* axis, Sums& sums) {
+    add_up_at_corner(*cells_, flux_, at, axis, least_, {{hidden}, {1}}, ggx_, untouched, &sums);
+  });
 }
 
 float LobeCells::share(glm::vec3 n, glm::vec3 view, const Corners& corners) const {

@@ -44,6 +44,7 @@ class LobeCells {
     float all = 0, lost = 0;
     float share() const;
   };
+  Sums sums(glm::vec3 normal, glm::vec3 view, const HiddenCells::Mask* hidden) const;
   Sums sums(glm::vec3 normal, glm::vec3 view, const Corners& corners) const;
 
   // Middles of the cells of one grid in the order of the curve, and of its groups of 16.
@@ -65,6 +66,8 @@ class LobeCells {
   float alpha2() const { return alpha2_; }                // GGX's
 
  private:
+  Sums at_corner(glm::vec3 normal, glm::vec3 view, const HiddenCells::Mask* hidden,
+                 bool untouched) const;
   template <typename AddUp>
   Sums summed(glm::vec3 normal, glm::vec3 view, const AddUp& add_up) const;
 
