@@ -215,22 +215,35 @@ def test_a_plan_chooses_it_under_a_lamp():
     assert under.best_error < 0.7 * by_vertex.best_error
 
 
+RADIUS = 0.02  # of the lamp nearby
+
+
+def lamp_beside_boxes(distance, ambient):
+    """A map with a lamp at this distance from its centre that one box keeps from the other, its place, and its radiance
+    beyond the even light."""
+    centre, facing = np.array([-0.06, 0.0, 0.05]), 3.0
+    towards = np.array([0.8, 0.2, 0.5]) / np.linalg.norm([0.8, 0.2, 0.5])
+    position = centre + distance * towards
+    cube = lamp_map(RADIUS, distance, facing, size=128, centre=centre, ambient=ambient, towards=towards)
+    return placed(cube, [*position, RADIUS], centre), position, facing / (np.pi * (RADIUS / distance) ** 2)
+
+
+def top_of_a_box():
+    """A pose, the places (h, w, 3) that its pixels show, and which of them are on the lower box's top."""
+    pose = looking(MIDDLE - EYE, EYE)
+    seen, triangle, t = seen_of_boxes(EYE, pose)
+    at = EYE + t[..., None] * seen
+    top = (triangle >= 0) & (np.abs(np.where(triangle[..., None] >= 0, at, 1) - [0, 0, 0.05]).max(axis=-1) < 0.047)
+    return pose, at, top & (np.abs(at[..., 2] - 0.05) < 1e-4)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("distance", [0.25, 0.6])
 def test_the_shadow_of_a_lamp_nearby(distance, backend):
     """On a box, of another box, by rays to places all over the lamp. In the map, the lamp stands elsewhere than as the
     pixels see it."""
-    centre, radius, facing = np.array([-0.06, 0.0, 0.05]), 0.02, 3.0
-    towards = np.array([0.8, 0.2, 0.5]) / np.linalg.norm([0.8, 0.2, 0.5])
-    position = centre + distance * towards
-    cube = lamp_map(radius, distance, facing, size=128, centre=centre, ambient=0.0, towards=towards)
-    light = placed(cube, [*position, radius], centre)
-    radiance = facing / (np.pi * (radius / distance) ** 2)
-    pose = looking(MIDDLE - EYE, EYE)
-    seen, triangle, t = seen_of_boxes(EYE, pose)
-    at = EYE + t[..., None] * seen
-    top = (triangle >= 0) & (np.abs(np.where(triangle[..., None] >= 0, at, 1) - [0, 0, 0.05]).max(axis=-1) < 0.047)
-    top &= np.abs(at[..., 2] - 0.05) < 1e-4
+    light, position, radiance = lamp_beside_boxes(distance, ambient=0.0)
+    pose, at, top = top_of_a_box()
     made = {}
     for method in ("traced-lights", "traced", "transfer")[:: 1 if backend == "cpu" else 2]:
         scene = fastibl.Scene(BOXES, MATERIALS["matte"], spheres=0)
@@ -240,7 +253,7 @@ def test_the_shadow_of_a_lamp_nearby(distance, backend):
     true, error, up = [], {method: [] for method in made}, np.array([0, 0, 1.0])
     for y, x in zip(rows, columns, strict=True):
         place = at[y, x] + 1e-5 * up
-        d, solid_angle = over_sphere(position - place, radius, 300)
+        d, solid_angle = over_sphere(position - place, RADIUS, 300)
         true.append(radiance * solid_angle * (np.maximum(d @ up, 0) * free_from(BOXES, place, d)).mean() / np.pi)
         for method, colours in made.items():
             error[method].append(colours[y, x, 1] - true[-1])
@@ -256,18 +269,9 @@ def test_the_shadow_of_a_lamp_nearby(distance, backend):
 @pytest.mark.parametrize("kind", ["broad", "ggx"])
 def test_a_lamp_nearby_in_a_lobe(kind, backend):
     """The free share of glossy light on a box: a lobe sees the lamp where it is, and another box may hide it there."""
-    material, distance, radius, facing, ambient = MATERIALS[kind], 0.25, 0.02, 3.0, 0.2
-    centre = np.array([-0.06, 0.0, 0.05])
-    towards = np.array([0.8, 0.2, 0.5]) / np.linalg.norm([0.8, 0.2, 0.5])
-    position = centre + distance * towards
-    cube = lamp_map(radius, distance, facing, size=128, centre=centre, ambient=ambient, towards=towards)
-    light = placed(cube, [*position, radius], centre)
-    radiance = facing / (np.pi * (radius / distance) ** 2)
-    pose = looking(MIDDLE - EYE, EYE)
-    seen, triangle, t = seen_of_boxes(EYE, pose)
-    at = EYE + t[..., None] * seen
-    top = (triangle >= 0) & (np.abs(np.where(triangle[..., None] >= 0, at, 1) - [0, 0, 0.05]).max(axis=-1) < 0.047)
-    top &= np.abs(at[..., 2] - 0.05) < 1e-4
+    material, ambient = MATERIALS[kind], 0.2
+    light, position, radiance = lamp_beside_boxes(0.25, ambient)
+    pose, at, top = top_of_a_box()
     scene = fastibl.Scene(BOXES, material, spheres=0)
     limits = {"traced-lights": 0.04, "transfer": 0.08, "pixel-transfer": 0.08}  # 0.3 by the map's directions
     made = {m: picture(session_of(scene, light, m, backend=backend), pose) for m in (*limits, "none")}
@@ -280,7 +284,7 @@ def test_a_lamp_nearby_in_a_lobe(kind, backend):
     for y, x in zip(rows[chosen], columns[chosen], strict=True):
         place = at[y, x] + 1e-5 * up
         view = (EYE - place) / np.linalg.norm(EYE - place)
-        lamp_d, solid_angle = over_sphere(position - place, radius, 300)
+        lamp_d, solid_angle = over_sphere(position - place, RADIUS, 300)
         d = np.concatenate([sky, lamp_d])
         flux = np.concatenate([ambient * angles, np.full(300, radiance * solid_angle / 300)])
         flux = flux * lobe_weights(material, up, view, d)
