@@ -152,7 +152,7 @@ vec3 near_changes(Place at, ivec3 of, NearEntry entries[3], int asked, float ope
 #if LOBE
 // A light of the map in the lobe of a place, with nothing hidden.
 float near_in_lobe(NearLight light, vec3 arrow, vec3 n, vec3 view) {
-  NearDisc disc = near_disc(light, arrow);
+  NearDisc disc = near_disc(light, arrow, n);
   float size = max(length(arrow), light.sin_radius), apart = sqrt(3.14159265 / 32.0) * disc.sine, sum = 0.0;
   for (int k = 0; k < 32; ++k) sum += square_height(n, view, near_point(disc, k), apart);
   return sum * light.flux / (size * size * 32.0);

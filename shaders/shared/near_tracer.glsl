@@ -68,10 +68,10 @@ struct NearDisc {
   vec3 towards, right, up;
   float sine;  // of its angular radius
 };
-NearDisc near_disc(NearLight light, vec3 arrow) {
+NearDisc near_disc(NearLight light, vec3 arrow, vec3 n) {
   NearDisc disc;
   float size = length(arrow);
-  disc.towards = arrow / size;
+  disc.towards = size > 0.0 ? arrow / size : n;  // in its middle, any will do
   disc.right = normalize(cross(abs(disc.towards.x) < 0.7 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0), disc.towards));
   disc.up = cross(disc.towards, disc.right);
   disc.sine = light.sin_radius / max(size, light.sin_radius);
@@ -87,7 +87,7 @@ vec3 near_point(NearDisc disc, int seed) {
 // The part of a light that nothing hides, among what lies above the tangent plane.
 float near_open_part(NearLight light, vec3 arrow, vec3 n, vec3 starts[4], bool several) {
   if (length(arrow) <= light.sin_radius) return 1.0;  // inside it
-  NearDisc disc = near_disc(light, arrow);
+  NearDisc disc = near_disc(light, arrow, n);
   float asked = 0.0, open = 0.0;
   for (int k = 0; k < 32; ++k) {
     if (k == 8 && (open == 0.0 || open == asked)) break;

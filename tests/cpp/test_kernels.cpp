@@ -15,6 +15,7 @@
 #include "fastibl/scene/response.h"
 #include "fastibl/shading/hidden_cells.h"
 #include "fastibl/shading/interpolate.h"
+#include "fastibl/shading/light_disc.h"
 #include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/near_shares.h"
 #include "fastibl/shading/sample_cells.h"
@@ -410,6 +411,18 @@ TEST_CASE("what near lights change has another version where anything but a brig
   lighting.near_lights.lights = {light_at(1, 3)};
   other.update(scene, lighting, SharesOf::directions);
   CHECK(other.version() != shares.version());
+}
+
+TEST_CASE("a light in a lobe is finite at its middle, within it and beside it") {
+  const LobeHeight lobe(LobeShape{});
+  const glm::vec3 up(0, 0, 1), view = glm::normalize(glm::vec3(0.2f, 0, 1));
+  float last = 0;
+  for (const float distance : {4.0f, 1.0f, 0.1f, 0.05f, 1e-20f, 0.0f}) {
+    const float seen = disc_in_lobe(distance * up, 0.1f, 1, up, view, lobe);
+    CHECK(std::isfinite(seen));
+    CHECK(seen >= 0.99f * last);  // the closer, the more
+    last = seen;
+  }
 }
 
 TEST_CASE("pieces of a map hold all of its light, none much more than a count's part of it") {

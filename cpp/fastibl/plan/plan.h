@@ -93,8 +93,8 @@ struct PlanOptions {
   const MeasuredErrors* measured = nullptr;
   Costs costs = {};
   Workload workload = {};
-  // The parts of the previous picture, where there was one. With a time budget, methods are chosen for
-  // them; else they are for the bill alone, so that choices do not depend on them.
+  // The parts of the previous picture, where there was one. With a time budget, methods are chosen
+  // for them; else they are for the bill alone, so that choices do not depend on them.
   std::optional<PartCounts> object = {};
   double slowdown = 1;  // of this machine now, relative to the cost table
   bool light_in_turns = false;

@@ -12,9 +12,10 @@ float disc_in_lobe(glm::vec3 arrow, float sin_radius, float flux, glm::vec3 norm
                    const LobeHeight& lobe) {
   constexpr int kPoints = 32;
   static_assert(kPoints % kLanes == 0);
-  // The closer, the larger; it may become half of all directions.
-  const float length = std::max(glm::length(arrow), sin_radius), sine = sin_radius / length;
-  const DiscPoints<kPoints> points(arrow / length, sine);
+  // The closer, the larger; it may become half of all directions. In its middle, any will do.
+  const float size = glm::length(arrow), length = std::max(size, sin_radius),
+              sine = sin_radius / length;
+  const DiscPoints<kPoints> points(size > 0 ? arrow / size : normal, sine);
   std::array<float, kPoints> fluxes, weights;
   fluxes.fill(flux / (length * length * float(kPoints)));
   const LitDirections lit{

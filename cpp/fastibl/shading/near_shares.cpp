@@ -119,11 +119,11 @@ std::vector<glm::vec3> NearShares::update(const Scene& scene, const Lighting& li
   if (scene.material.reads_irradiance()) evaluate(lighting.irradiance, normals, all);
 
   // Whether any place of the object sees a light elsewhere than the map's centre does.
-  float reach = 0;
-  for (std::size_t i = 0; i < vertices; ++i)
-    reach =
-        std::max(reach, glm::length(turn * scene.mesh.vertices[i] + shift - near_lights.centre));
-  const auto turns = [&](const NearLight& l) { return l.inverse_distance * reach > kLeastTurn; };
+  const auto turns = [&](const NearLight& l) {
+    return std::ranges::any_of(scene.mesh.vertices, [&](const glm::vec3& v) {
+      return l.inverse_distance * glm::length(turn * v + shift - near_lights.centre) > kLeastTurn;
+    });
+  };
 
   std::vector<OfLight> now;
   std::vector<std::size_t> moved;  // of those

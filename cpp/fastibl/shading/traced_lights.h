@@ -68,8 +68,9 @@ class LightTracer {
     std::span<const glm::vec3> starts;  // of rays, in the bvh's frame: one, or one a sample
     glm::vec3 normal, view;             // unit, in the light's frame
     glm::vec3 of_others;                // what is not the map's in the share, see EntryShares
-    NearTracer::Entries entries{};      // where there are near lights; and the shares that
-    std::array<glm::vec3, 3> own{};     // they have by the map alone
+    // Where there are near lights: of the corners, and their shares by the map alone.
+    NearTracer::Entries entries{};
+    std::array<glm::vec3, 3> own{};
   };
   // Changes a share that was interpolated between the corners' shares: of the irradiance (RGB)
   // where light is asked for, see BrightCells::unsure(); and of glossy light, by the place's own
@@ -100,14 +101,14 @@ class LightTracer {
   }
 
  private:
-  const Bvh& bvh_;
-  const BrightCells& cells_;
-  const Irradiance& irradiance_;
-  glm::mat3 map_from_light_;
   bool glossy(glm::vec4 share, Asked asked) const {
     return lobe_ && (asked.hides || is_touched(share.w));
   }
 
+  const Bvh& bvh_;
+  const BrightCells& cells_;
+  const Irradiance& irradiance_;
+  glm::mat3 map_from_light_;
   const NearTracer* near_;
   std::optional<NearCells> near_cells_;
   bool diffuse_;

@@ -54,8 +54,8 @@ class TracedLight {
 // Where corners tell of what is between them, no ray is traced for what all three corners and the
 // cells around a piece agree on. shares: of the corners, from which the fragments' are
 // interpolated. lighting: with its map. near_shares: what near lights change in them, if anything;
-// shares of glossy light then stay as they are. Does
-// nothing where the scene has no bvh. eye: marker frame.
+// shares of glossy light then stay as they are. Does nothing where the scene has no bvh. eye:
+// marker frame.
 void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
                   const EntryShares& shares, const NearShares* near_shares,
                   std::span<FragmentBand> bands);
