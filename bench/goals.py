@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 # Must be set before anything loads a driver: Mesa's software renderer reads its number of threads only once.
 os.environ.setdefault("LP_NUM_THREADS", "2")
@@ -42,6 +43,10 @@ class Row:
 
     name: str
     measure: Callable[[], Iterator[Goal]]
+
+
+class SkipError(Exception):
+    """What a row needs is not there: the message says what. The row is skipped."""
 
 
 TABLES: dict[str, list[Row]] = {}
@@ -81,6 +86,8 @@ def measured(rows: Sequence[Row]) -> Iterator[Goal]:
         begin = time.perf_counter()
         try:
             yield from r.measure()
+        except SkipError as reason:
+            yield skipped(r.name, str(reason))
         except Exception as error:  # one broken row must not hide the others
             yield Goal(r.name, f"{type(error).__name__}: {error}", "to run", False)
         print(f" {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
@@ -115,7 +122,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("table", nargs="?", choices=sorted(TABLES), help="one table (default: all)")
     parser.add_argument("--only", metavar="WORD", help="only the rows whose names hold this word")
+    parser.add_argument(
+        "--maps", metavar="DIR", type=Path, help="the .hdr and .exr maps of this folder in place of the 7"
+    )
     given = parser.parse_args(arguments)
+    if given.maps:
+        from . import inputs
+
+        inputs.use_maps(given.maps)
+        if not inputs.MAPS:
+            parser.error(f"no .hdr or .exr map in {given.maps}")
     chosen = {
         name: [r for r in rows if not given.only or given.only.lower() in r.name.lower()]
         for name, rows in TABLES.items()

@@ -5,22 +5,43 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import fastibl
 from fastibl.expected import present
 
+from .goals import SkipError
+
+T = TypeVar("T")
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
-MAPS = {p.stem.removesuffix("_1k"): p for p in sorted((SHARED / "hdri").glob("*.hdr"))}
+
+
+class ByMap(dict[str, T]):
+    """A dictionary by the names of maps."""
+
+    def __missing__(self, name: str) -> T:
+        raise SkipError(f"needs the map {name}")
+
+
+MAPS: ByMap[Path] = ByMap()  # the real HDR maps that goals are measured on
 SUN_MAP = SHARED / "hdri-sun" / "immenstadter_horn_1k.hdr"
 NO_MAPS = f"no real HDR maps under {SHARED / 'hdri'}"
 OBJECT = (0.0, 0.0, 0.1)  # the middle of an object that is 0.2 m high
 HEIGHT = 0.2
 
 
+def use_maps(folder: Path) -> None:
+    """Measures from now on with the .hdr and .exr maps of a folder."""
+    files = sorted(p for p in folder.glob("*") if p.suffix in (".hdr", ".exr"))
+    MAPS.clear()
+    MAPS.update((p.stem.removesuffix("_1k"), p) for p in files)
+    real_maps.cache_clear()
+
+
 @cache
-def real_maps() -> dict[str, fastibl.CubeMap]:
+def real_maps() -> ByMap[fastibl.CubeMap]:
     """The real HDR maps as cube maps of 128 squared texels, by name; empty if the maps are not there."""
-    return {name: fastibl.read_environment(path, size=128) for name, path in MAPS.items()}
+    return ByMap({name: fastibl.read_environment(path, size=128) for name, path in MAPS.items()})
 
 
 @cache
@@ -73,3 +94,6 @@ def process(recording: fastibl.Recording, scene: fastibl.Scene, **options) -> Pr
 def swept(distance: float) -> Processed:
     """The demo's sweep, processed with the walls at this distance."""
     return process(sweep(), scene(), distance=distance)
+
+
+use_maps(SHARED / "hdri")

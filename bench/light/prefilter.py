@@ -131,7 +131,7 @@ def _phong_levels(sets: dict[str, list], source: int) -> Iterator[Goal]:
     for level, (middle, worst) in enumerate(CMFT):
         p = 1 + 2 ** (1 + 8 * (1 - level / 7))
         nmae, largest, _ = compare(level, sets, source, "phong", p)
-        worst_studio = max(worst_studio, *(v for name, v in largest.items() if "studio" in name))
+        worst_studio = max([worst_studio, *(v for name, v in largest.items() if "studio" in name)])
         yield Goal(
             f"Phong p={p:.3g} at {sets[next(iter(sets))][level].size}^2 from {source}^2: nMAE median, worst",
             f"{percent(float(np.median(list(nmae.values()))))}, {percent(max(nmae.values()))}",

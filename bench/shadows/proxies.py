@@ -191,6 +191,8 @@ def against_the_mesh() -> Iterator[Goal]:
         thin = name in ("stanford-bunny", "suzanne")
         for kind, limit in (("soft", 0.015 if thin else 0.008), ("hard", 0.03)):
             chosen = {k: e for k, e in errors.items() if truth.lights()[k].soft == (kind == "soft")}
+            if not chosen:
+                continue
             worst = max(chosen, key=lambda light: chosen[light])
             judged = name in truth.JUDGED
             yield Goal(

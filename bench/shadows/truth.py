@@ -110,13 +110,13 @@ def covered(name: str) -> NDArray[np.bool_]:
 
 
 @cache
-def lights(size: int = SIZE) -> dict[str, Light]:
+def lights(size: int = SIZE) -> inputs.ByMap[Light]:
     """The seven real maps, a uniform sky, the studio map clipped, and a sun in the dawn. If the maps are not there,
     only the uniform sky."""
-    found = {
-        name: Light(fastibl.read_environment(path, size=size), "studio" not in name)
-        for name, path in inputs.MAPS.items()
-    }
+    found: inputs.ByMap[Light] = inputs.ByMap()
+    for name, path in inputs.MAPS.items():
+        cube = fastibl.read_environment(path, size=size)
+        found[name] = Light(cube, "studio" not in name and not _has_a_sun(cube))
     found["uniform"] = Light(fastibl.CubeMap(np.ones((6, size, size, 3), np.float32)), True)
     for name, light in list(found.items()):
         if "studio" in name:
@@ -125,6 +125,15 @@ def lights(size: int = SIZE) -> dict[str, Light]:
         if name == "kiara_1_dawn":
             found["dawn and sun"] = Light(with_sun(light.cube), False)
     return found
+
+
+def _has_a_sun(cube: fastibl.CubeMap) -> bool:
+    """Whether more than a tenth of a channel's light comes from one texel of 64 squared at most, 1.4 degrees wide."""
+    flux = cube.faces.astype(np.float64) * fastibl.texel_solid_angles(cube.size)[..., None]
+    part = max(cube.size // 64, 1)
+    n = cube.size // part
+    blocks = flux.reshape(6, n, part, n, part, 3).sum(axis=(2, 4))
+    return bool((blocks.max(axis=(0, 1, 2)) > 0.1 * flux.sum(axis=(0, 1, 2))).any())
 
 
 def with_sun(cube: fastibl.CubeMap) -> fastibl.CubeMap:
