@@ -1,5 +1,6 @@
 #include "fastibl/lighting/harmonic_sums.h"
 
+#include <cmath>
 #include <numbers>
 
 #include "fastibl/core/simd.h"
@@ -45,7 +46,8 @@ glm::dvec3 plane_irradiance(const FoldedMap& map) {
   double weight = 0;
   for (const float projected : g.projected) weight += 4 * double(projected);
   // Weights are divided by their sum, so that a constant map gives π.
-  const glm::dvec3 even = std::numbers::pi / weight * sum_pattern(map, 0, g.projected);
+  glm::dvec3 even = std::numbers::pi / weight * sum_pattern(map, 0, g.projected);
+  for (const SmallLight& light : map.small_lights) even += std::abs(light.direction.z) * light.flux;
   return glm::max(0.5 * (even + map.vector[2]), glm::dvec3(0));
 }
 
@@ -58,6 +60,14 @@ std::array<glm::dvec3, 9> project_sh9(const FoldedMap& map) {
   sh[6] = sum_pattern(map, 0, weights[3]);
   sh[7] = sum_pattern(map, 2, weights[4]);
   sh[8] = sum_pattern(map, 0, weights[5]);
+  for (const auto& [texel, d, flux] : map.small_lights) {
+    sh[0] += flux;
+    sh[4] += d.x * d.y * flux;
+    sh[5] += d.y * d.z * flux;
+    sh[6] += (3 * d.z * d.z - 1) * flux;
+    sh[7] += d.x * d.z * flux;
+    sh[8] += (d.x * d.x - d.y * d.y) * flux;
+  }
   constexpr double constants[9] = {0.28209479177387814, 0.48860251190291992, 0.48860251190291992,
                                    0.48860251190291992, 1.0925484305920792,  1.0925484305920792,
                                    0.31539156525252005, 1.0925484305920792,  0.54627421529603959};

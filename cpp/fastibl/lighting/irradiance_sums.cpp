@@ -26,11 +26,27 @@ struct Source {
   float light[4][3];  // of FoldedMap
 };
 
-constexpr int kRows = 13;  // 4 patterns × 3 channels, and the weights
+struct PointLight {
+  float x, y, z;
+  float half_flux[3];
+};
+
+constexpr int kRows = 13;       // 4 patterns × 3 channels, and the weights
+constexpr int kPointRows = 12;  // 4 images × 3 channels
 
 #define FASTIBL_KERNEL "fastibl/lighting/sum_kernel.inl"
 #include "fastibl/core/kernel.inl"
 FASTIBL_PICK(sum_sources);
+FASTIBL_PICK(sum_points);
+
+std::vector<PointLight> points_of(const FoldedMap& map) {
+  std::vector<PointLight> points;
+  for (const auto& [texel, d, flux] : map.small_lights) {
+    const glm::vec3 half(0.5 * flux);
+    points.push_back({float(d.x), float(d.y), float(d.z), {half.x, half.y, half.z}});
+  }
+  return points;
+}
 
 std::vector<Source> sources_of(const FoldedMap& map) {
   const OctantGrid& g = *map.grid;
@@ -53,7 +69,8 @@ std::vector<std::array<glm::vec3, 4>> even_irradiance(const FoldedMap& map,
                                                       const OctantGrid& nodes) {
   const int count = int(nodes.x.size()), blocks = (count + kWide - 1) / kWide;
   const std::vector<Source> sources = sources_of(map);
-  std::vector<float> sums(std::size_t(kRows) * kWide * std::size_t(blocks));
+  const std::vector<PointLight> points = points_of(map);
+  std::vector<float> sums(std::size_t(kRows + kPointRows) * kWide * std::size_t(blocks));
   parallel_for(blocks, 16, [&](int begin, int end) {
     for (int block = begin; block < end; ++block) {
       float n[3][kWide] = {};
@@ -61,13 +78,14 @@ std::vector<std::array<glm::vec3, 4>> even_irradiance(const FoldedMap& map,
       std::copy_n(&nodes.x[std::size_t(first)], used, n[0]);
       std::copy_n(&nodes.y[std::size_t(first)], used, n[1]);
       std::copy_n(&nodes.z[std::size_t(first)], used, n[2]);
-      sum_sources(sources.data(), int(sources.size()), n[0], n[1], n[2],
-                  &sums[std::size_t(block) * kRows * kWide]);
+      float* to = &sums[std::size_t(block) * (kRows + kPointRows) * kWide];
+      sum_sources(sources.data(), int(sources.size()), n[0], n[1], n[2], to);
+      sum_points(points.data(), int(points.size()), n[0], n[1], n[2], to + kRows * kWide);
     }
   });
   std::vector<std::array<glm::vec3, 4>> even(nodes.x.size());
   for (std::size_t i = 0; i < even.size(); ++i) {
-    const float* block = &sums[i / kWide * kRows * kWide + i % kWide];
+    const float* block = &sums[i / kWide * (kRows + kPointRows) * kWide + i % kWide];
     const auto row = [&](int r) { return block[r * kWide]; };
     glm::vec3 patterns[4];
     for (int p = 0; p < 4; ++p) patterns[p] = glm::vec3(row(3 * p), row(3 * p + 1), row(3 * p + 2));
@@ -76,7 +94,8 @@ std::vector<std::array<glm::vec3, 4>> even_irradiance(const FoldedMap& map,
     for (std::size_t image = 0; image < 4; ++image) {
       glm::vec3 sum(0);
       for (std::size_t p = 0; p < 4; ++p) sum += float(kSigns[p][image]) * patterns[p];
-      even[i][image] = scale * sum;
+      const int first = kRows + 3 * int(image);
+      even[i][image] = scale * sum + glm::vec3(row(first), row(first + 1), row(first + 2));
     }
   }
   return even;
@@ -85,7 +104,6 @@ std::vector<std::array<glm::vec3, 4>> even_irradiance(const FoldedMap& map,
 CubeLevel irradiance_cube(const FoldedMap& map, int size) {
   const OctantGrid& nodes = octant_grid(size);
   const std::vector<std::array<glm::vec3, 4>> even = even_irradiance(map, nodes);
-  constexpr std::size_t kEven[8] = {0, 1, 2, 3, 3, 2, 1, 0};  // antipodes share one
   CubeLevel cube(size);
   glm::vec3* texels = cube.face(0);
   for (std::size_t i = 0; i < even.size(); ++i)
@@ -94,7 +112,7 @@ CubeLevel irradiance_cube(const FoldedMap& map, int size) {
                              (image & 2 ? -0.5 : 0.5) * double(nodes.y[i]) * map.vector[1] +
                              (image & 4 ? -0.5 : 0.5) * double(nodes.z[i]) * map.vector[2];
       texels[nodes.texels[image][i]] =
-          glm::vec3(glm::max(glm::dvec3(even[i][kEven[image]]) + odd, glm::dvec3(0)));
+          glm::vec3(glm::max(glm::dvec3(even[i][kEvenImage[image]]) + odd, glm::dvec3(0)));
     }
   cube.update_border();
   return cube;

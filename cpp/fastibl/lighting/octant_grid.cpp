@@ -18,6 +18,7 @@ OctantGrid make_grid(int size) {
   OctantGrid grid;
   grid.size = size;
   const CubeLevel layout(size);
+  grid.octant_texels.resize(std::size_t(6 * size * size));
   for (int face = 0; face < 6; face += 2)
     for (int ty = 0; ty < size; ++ty)
       for (int tx = 0; tx < size; ++tx) {
@@ -45,10 +46,9 @@ OctantGrid make_grid(int size) {
         for (int image = 0; image < 8; ++image) {
           const FacePoint at =
               face_point({image & 1 ? -d.x : d.x, image & 2 ? -d.y : d.y, image & 4 ? -d.z : d.z});
-          grid.texels[std::size_t(image)].push_back(
-              int(&layout.texel(at.face, std::min(int(at.s * float(size)), size - 1),
-                                std::min(int(at.t * float(size)), size - 1)) -
-                  layout.face(0)));
+          const auto [of, s, t] = texel_at(at, size);
+          grid.texels[std::size_t(image)].push_back(int(&layout.texel(of, s, t) - layout.face(0)));
+          grid.octant_texels[std::size_t((of * size + t) * size + s)] = int(grid.x.size()) - 1;
         }
       }
   return grid;
@@ -80,6 +80,24 @@ void fold_into(FoldedMap& folded, const CubeLevel& level) {
     for (std::size_t p = 0; p < 4; ++p)
       for (std::size_t k = 0; k < 3; ++k) folded.radiance[p][k][i] = patterns[p][int(k)];
   }
+}
+
+// Takes a small light out of the texels that its texel of a level was cut into.
+void take_out(const SmallLight& light, const CubeLevel& level, FoldedMap& folded) {
+  const OctantGrid& grid = *folded.grid;
+  const int split = grid.size / level.size();
+  const auto [face, x, y] = light.texel;
+  const glm::vec3 radiance(light.flux / texel_solid_angle(x, y, level.size()));
+  for (int t = y * split; t < (y + 1) * split; ++t)
+    for (int s = x * split; s < (x + 1) * split; ++s) {
+      const auto i =
+          std::size_t(grid.octant_texels[std::size_t((face * grid.size + t) * grid.size + s)]);
+      const glm::vec3 d = texel_direction(face, s, t, grid.size);
+      const std::size_t image = kEvenImage[(d.x < 0) | (d.y < 0) << 1 | (d.z < 0) << 2];
+      for (std::size_t p = 0; p < 4; ++p)
+        for (std::size_t c = 0; c < 3; ++c)
+          folded.radiance[p][c][i] -= float(kSigns[p][image]) * radiance[int(c)];
+    }
 }
 
 constexpr int kRowSums = 24;  // eight texels of three channels at once
@@ -175,6 +193,11 @@ FoldedMap fold(const CubeMap& radiance, int size) {
   const CubeLevel& fine = radiance.level_at_most(kVectorSize);
   folded.vector = vector_irradiance(
       fine.size() < kLeast ? cut(fine, (kLeast + fine.size() - 1) / fine.size()) : fine);
+  if (split > 1 && level.size() == radiance.size()) return folded;  // its texels are seen as areas
+  SmallLights small = small_lights(radiance, level, fine.size());
+  for (std::size_t axis = 0; axis < 3; ++axis) folded.vector[axis] += small.shift[axis];
+  folded.small_lights = std::move(small.lights);
+  for (const SmallLight& light : folded.small_lights) take_out(light, level, folded);
   return folded;
 }
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <vector>
 
+#include "fastibl/lighting/small_lights.h"
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
@@ -20,6 +21,7 @@ struct OctantGrid {
   std::vector<float> projected;  // solid angle times z
   // The mirror images, counted from CubeLevel::face(0); bit 0 of the index mirrors x, 1 y, 2 z.
   std::array<std::vector<int>, 8> texels;
+  std::vector<int> octant_texels;  // of which each of the cube's texels is an image, face by face
 };
 
 // Made once for each size and kept. An odd size has texels on the coordinate planes, which are
@@ -34,15 +36,19 @@ struct FoldedMap {
   // [sign pattern][channel][texel]. With L' the sum of a texel's radiance and its antipode's, for
   // an octant's texel and its images in x, y and z: L' ± L'x ± L'y ± L'z with the signs of kSigns.
   std::array<std::array<std::vector<float>, 3>, 4> radiance;
-  std::array<glm::dvec3, 3> vector;  // ∫ L w dw: RGB of its x, y and z
+  std::vector<SmallLight> small_lights;  // whose light is taken out of the radiance
+  std::array<glm::dvec3, 3> vector;      // ∫ L w dw: RGB of its x, y and z
 };
 // Signs of the images (itself, in x, in y, in z) in each pattern: the characters of the group that
 // the mirror images form when antipodes count as one. The functions 1, yz, xz and xy have these
 // symmetries.
 inline constexpr int kSigns[4][4] = {{1, 1, 1, 1}, {1, 1, -1, -1}, {1, -1, 1, -1}, {1, -1, -1, 1}};
+// For each of the eight images, that of the four which is the same or its antipode.
+inline constexpr std::size_t kEvenImage[8] = {0, 1, 2, 3, 3, 2, 1, 0};
 
 // Folds the level that is at most `size` wide. A level that is smaller than 16, or odd, has its
-// texels cut so that the size is even and ≥ 16. The vector is summed over the 64² level.
+// texels cut so that the size is even and ≥ 16. The vector is summed over the 64² level; small
+// lights are where finer levels have them.
 FoldedMap fold(const CubeMap& radiance, int size);
 
 }  // namespace fastibl

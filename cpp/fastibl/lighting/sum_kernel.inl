@@ -43,3 +43,23 @@ FASTIBL_TARGET void sum_sources(const Source* sources, int count, const float* n
   }
   std::memcpy(sums, total, sizeof total);
 }
+
+// What point lights send to eight nodes: sums is kPointRows of eight, channels within images.
+FASTIBL_TARGET void sum_points(const PointLight* points, int count, const float* nx, const float* ny,
+                              const float* nz, float* sums) {
+  Wide x, y, z;
+  std::memcpy(&x, nx, sizeof x), std::memcpy(&y, ny, sizeof y), std::memcpy(&z, nz, sizeof z);
+  Wide total[kPointRows] = {};
+  for (int i = 0; i < count; ++i) {
+    const PointLight& s = points[i];
+    const Wide a = x * s.x, b = y * s.y, c = z * s.z;
+    const Wide more = a + b, less = a - b;
+    const Wide images[4] = {more + c, c - less, c + less, more - c};
+    for (int k = 0; k < 4; ++k)
+      for (int channel = 0; channel < 3; ++channel)
+        total[3 * k + channel] =
+            multiply_add(larger(images[k], -images[k]), repeat(s.half_flux[channel]),
+                         total[3 * k + channel]);
+  }
+  std::memcpy(sums, total, sizeof total);
+}
