@@ -40,13 +40,13 @@ def picture(eye, pose, exposure, lamp=True):
     return exposed(light, CAMERA, exposure)
 
 
-def film(capture, frames=30, lamp=lambda k: True, after=None):
+def film(capture, frames=30, lamp=lambda k: True, after=None, exposures=(1.5, 1 / 90)):
     """A camera that is carried past the lamp, 0.8 m, and looks at it and beside it."""
     for k in range(frames):
         a = k / (frames - 1)
         eye = np.array([-0.4 + 0.8 * a, -0.25 + 0.2 * np.sin(4 * a), 0.3])
         pose = looking(LAMP + [0.3 * np.sin(9 * a), 0.1, 0.2 * np.cos(7 * a)] - eye, eye)
-        exposure = (1.5, 1 / 90)[k % 2]
+        exposure = exposures[k % len(exposures)]
         capture.add(picture(eye, pose, exposure, lamp(k)), CAMERA, pose, exposure=exposure, time=k / 15)
         if after:
             after(k)
@@ -91,6 +91,30 @@ def test_a_lamp_is_as_wide_from_wherever_it_is_seen():
         got = float((faces * (faces > 5) * fastibl.texel_solid_angles(64)).sum())
         print(f"seen {np.degrees(turn):.0f} degrees from aside: {got / flux:.2f} of the lamp's light")
         assert got == pytest.approx(flux, rel=0.12)
+
+
+@pytest.mark.parametrize("size", [64, 128])
+def test_a_lamp_does_not_go_out_while_its_place_is_found(size):
+    """The map moves it to where it is, also before a picture in which it clips: that alone would leave half of it."""
+    capture = fastibl.Capture(size=size, centre=CENTRE)
+    flux, placed, angles = [], [], fastibl.texel_solid_angles(size)
+
+    def look(_):
+        environment = capture.environment()
+        radiance = environment.radiance
+        faces = radiance.faces[..., 0]
+        flux.append(float((faces * (faces > 2) * angles).sum()))
+        placed.append(len(environment.light_positions) > 0)
+        anew = fastibl.CubeMap(radiance.faces)
+        for level in range(radiance.level_count):
+            np.testing.assert_array_equal(radiance.level(level), anew.level(level))
+
+    film(capture, after=look, exposures=(1.5, 1 / 30, 1 / 90))
+    seen = np.array(flux[2:])  # from the first picture on in which it does not clip
+    steps = seen[1:] / seen[:-1]
+    print(f"{size}: placed at picture {placed.index(True)}; steps {steps.min():.2f} to {steps.max():.2f}")
+    assert not placed[2] and placed[-1]
+    assert steps.min() > 0.7 and steps.max() < 1.4
 
 
 @pytest.mark.parametrize("order", [("near", "far"), ("far", "near")])

@@ -116,8 +116,7 @@ void Capture::learn_layout(const PosedPicture& posed, const Taking& how) {
   const std::vector<int> moved =
       place_.locate_lights(posed, outlines, exposure, how.bright, how.time);
   if (moved.empty()) return;
-  for (const LightPosition& light : place_.tracks().positions())
-    fills_.refill(forget_light(light, moved, place_, how.bright, map_), map_);
+  fills_.refill(move_lights(place_.tracks().positions(), moved, place_, how.bright, map_), map_);
 }
 
 void Capture::turn(const glm::dmat3& new_from_old) {

@@ -107,9 +107,10 @@ bool MapFills::is_small_refill(int tile) const {
   return step.x <= limit.x && step.y <= limit.y && step.z <= limit.z;
 }
 
-void MapFills::refill(const std::vector<int>& forgotten, MapTiles& map) {
-  new_sums_.insert(new_sums_.end(), forgotten.begin(), forgotten.end());
-  for (const int tile : forgotten) refill(tile, map);
+void MapFills::refill(const std::vector<int>& changed, MapTiles& map) {
+  new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
+  for (const int tile : changed)
+    if (!refill(tile, map)) map.make_levels(tile);
 }
 
 void MapFills::renew(double time, MapTiles& map) {

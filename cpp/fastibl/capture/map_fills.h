@@ -39,8 +39,8 @@ class MapFills {
   // white showed it last.
   void take(const std::vector<int>& changed, int refills,
             const std::optional<glm::dvec3>& plane_irradiance, double time, MapTiles& map);
-  // For when texels of these tiles were forgotten.
-  void refill(const std::vector<int>& forgotten, MapTiles& map);
+  // For when texels of these tiles were forgotten or moved.
+  void refill(const std::vector<int>& changed, MapTiles& map);
   // For when all of the map was made anew,
   void renew(double time, MapTiles& map);
   // and for when the marker was turned, too: the plane and the prior are as it lay before.

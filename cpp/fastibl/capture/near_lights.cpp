@@ -2,6 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/gtc/quaternion.hpp>
+#include <unordered_map>
+#include <utility>
+
+#include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
 namespace {
@@ -9,24 +14,113 @@ namespace {
 constexpr double kBlur = 0.03;    // radians around a light that it lights in the map
 constexpr double kOutline = 1.5;  // of a light's radius: a disc that holds it though it is no disc
 constexpr double kPixelBlur = 2;
+constexpr double kFarthest = 0.5;  // radians that a light's texels are moved
+constexpr float kMoved = 0.3f;     // relative standard deviation of what was moved
+
+// What the map knew of a light's texel.
+struct LightTexel {
+  std::size_t place;  // face by face, row by row
+  glm::dvec3 direction;
+  float value[3], variance[3];
+  std::uint8_t bound;
+  double seen;
+
+  float sum() const { return value[0] + value[1] + value[2]; }
+};
+
+template <typename See>
+void each_texel(int tile, const MapTiles& map, See&& see) {
+  const int size = map.grid().size;
+  const FaceRect r = tile_rect(map.grid(), tile);
+  int k = 0;
+  for (int y = r.y0; y < r.y1; ++y)
+    for (int x = r.x0; x < r.x1; ++x, ++k)
+      see(k,
+          (std::size_t(r.face) * std::size_t(size) + std::size_t(y)) * std::size_t(size) +
+              std::size_t(x),
+          glm::normalize(glm::dvec3(texel_direction(r.face, x, y, size))));
+}
 
 // Makes the tile's bright texels unseen; true if there are any.
-bool forget_bright(int tile, double bright, MapTiles& map) {
+bool forget_bright(int tile, double bright, MapTiles& map, std::vector<LightTexel>& forgotten) {
   TexelState& state = map.state;
-  const std::size_t start = map.geometry.start(tile);
-  double* last_seen = nullptr;
-  for (int k = 0; k < map.geometry.texels(tile); ++k) {
+  const std::size_t start = map.geometry.start(tile), before = forgotten.size();
+  each_texel(tile, map, [&](int k, std::size_t place, const glm::dvec3& direction) {
     const std::size_t at = start + std::size_t(k);
-    const double sum =
-        double(state.value[0][at]) + double(state.value[1][at]) + double(state.value[2][at]);
-    if (!(sum > 3 * bright) || !(state.last_seen.at(tile, k) > kNever)) continue;
-    if (!last_seen) last_seen = state.last_seen.texels(tile);
-    last_seen[k] = kNever;
+    LightTexel t{place, direction, {}, {}, state.bound[at], state.last_seen.at(tile, k)};
+    for (int c = 0; c < 3; ++c)
+      t.value[c] = state.value[c][at], t.variance[c] = state.variance[c][at];
+    if (!(double(t.sum()) > 3 * bright) || !(t.seen > kNever)) return;
+    state.last_seen.texels(tile)[k] = kNever;
     state.bound[at] = 0;
     for (int c = 0; c < 3; ++c) state.variance[c][at] = 0;
+    forgotten.push_back(t);
+  });
+  if (forgotten.size() > before) map.sum(tile);
+  return forgotten.size() > before;
+}
+
+// Of a light's forgotten texels, those that were seen last: older ones may be of other places.
+void keep_last_seen(std::vector<LightTexel>& texels) {
+  double last = kNever;
+  for (const LightTexel& t : texels) last = std::max(last, t.seen);
+  std::erase_if(texels, [&](const LightTexel& t) { return t.seen < last; });
+}
+
+glm::dvec3 middle(const std::vector<LightTexel>& texels) {
+  glm::dvec3 sum(0);
+  for (const LightTexel& t : texels) sum += double(t.sum()) * t.direction;
+  return glm::normalize(sum);
+}
+
+// Shows a light's texels where it is; adds the tiles that change.
+void show(std::vector<LightTexel> texels, const glm::dvec3& towards, MapTiles& map,
+          std::vector<int>& changed) {
+  keep_last_seen(texels);
+  const glm::dvec3 from = middle(texels);
+  if (!(glm::dot(from, towards) > std::cos(kFarthest))) return;
+  const glm::dvec3 axis = glm::cross(towards, from);
+  const double sine = glm::length(axis);
+  const glm::dquat back = sine > 0 ? glm::angleAxis(std::asin(std::min(sine, 1.0)), axis / sine)
+                                   : glm::dquat(1, 0, 0, 0);
+  std::unordered_map<std::size_t, const LightTexel*> by_place;
+  double least = 1;  // cosine of how far the texels reach
+  for (const LightTexel& t : texels) {
+    by_place[t.place] = &t;
+    least = std::min(least, glm::dot(t.direction, from));
   }
-  if (last_seen) map.sum(tile);
-  return last_seen != nullptr;
+  const int size = map.grid().size;
+  const double reach = std::acos(least) + 2.0 / size;
+  TexelState& state = map.state;
+  for (int tile = 0; tile < map.grid().count(); ++tile) {
+    const TileOutlines& outlines = map.geometry.outlines;
+    if (!map.above(tile) ||
+        glm::dot(outlines.middle(tile), towards) < std::cos(reach + outlines.reach(tile)))
+      continue;
+    bool any = false;
+    each_texel(tile, map, [&](int k, std::size_t, const glm::dvec3& direction) {
+      const TexelPlace at = texel_at(glm::vec3(back * direction), size);
+      const auto found = by_place.find(
+          (std::size_t(at.face) * std::size_t(size) + std::size_t(at.y)) * std::size_t(size) +
+          std::size_t(at.x));
+      if (found == by_place.end() || !(direction.z > 0)) return;
+      const LightTexel& t = *found->second;
+      const std::size_t to = map.geometry.start(tile) + std::size_t(k);
+      const float has = state.value[0][to] + state.value[1][to] + state.value[2][to];
+      if (state.last_seen.at(tile, k) > kNever && has >= t.sum()) return;
+      for (int c = 0; c < 3; ++c) {
+        const float blur = kMoved * t.value[c];
+        state.value[c][to] = t.value[c], state.variance[c][to] = t.variance[c] + blur * blur;
+      }
+      state.bound[to] = t.bound;
+      state.last_seen.texels(tile)[k] = t.seen;
+      any = true;
+    });
+    if (!any) continue;
+    relate_variances(state, map.geometry.start(tile), map.geometry.texels(tile));
+    map.sum(tile);
+    changed.push_back(tile);
+  }
 }
 
 }  // namespace
@@ -52,30 +146,47 @@ std::vector<Disc> discs_of(std::span<const LightPosition> lights, const PosedPic
   return discs;
 }
 
-std::vector<int> forget_light(const LightPosition& light, const std::vector<int>& moved,
-                              const PlaceLayout& place, double bright, MapTiles& map) {
+std::vector<int> move_lights(std::span<const LightPosition> lights, const std::vector<int>& moved,
+                             const PlaceLayout& place, double bright, MapTiles& map) {
   const TileOutlines& outlines = map.geometry.outlines;
+  struct Moved {
+    glm::dvec3 towards;
+    double radius;
+    std::vector<glm::dvec3> ghosts;
+    std::vector<LightTexel> texels;
+  };
+  std::vector<Moved> all;
+  for (const LightPosition& light : lights) {
+    Moved m{glm::normalize(light.position - place.centre()),
+            angular_radius(light, place.centre()),
+            {},
+            {}};
+    for (const LightTracks::Sight& sight : place.tracks().sights(light))
+      m.ghosts.push_back(place.surface().recorded(sight.eye, sight.direction));
+    if (!m.ghosts.empty()) all.push_back(std::move(m));
+  }
   std::vector<int> changed;
-  std::vector<glm::dvec3> ghosts;
-  for (const LightTracks::Sight& sight : place.tracks().sights(light))
-    ghosts.push_back(place.surface().recorded(sight.eye, sight.direction));
-  if (ghosts.empty()) return changed;
-  const double radius = angular_radius(light, place.centre());
-  const std::uint64_t version = new_tile_version();
+  if (all.empty()) return changed;
   for (int tile = 0; tile < map.grid().count(); ++tile) {
     if (!map.above(tile) || !map.was_seen(tile)) continue;
-    bool shows = std::find(moved.begin(), moved.end(), tile) != moved.end();
-    if (!shows) {
-      const glm::dvec3 middle = outlines.middle(tile);
-      const double reach = kOutline * radius + kBlur + outlines.reach(tile);
-      shows = std::any_of(ghosts.begin(), ghosts.end(), [&](const glm::dvec3& ghost) {
-        return glm::dot(ghost, middle) > std::cos(reach);
-      });
-    }
-    if (!shows || !forget_bright(tile, bright, map)) continue;
-    map.versions[std::size_t(tile)] = version;
-    changed.push_back(tile);
+    const glm::dvec3 at = outlines.middle(tile);
+    auto whose = std::ranges::find_if(all, [&](const Moved& m) {
+      const double reach = kOutline * m.radius + kBlur + outlines.reach(tile);
+      return std::ranges::any_of(
+          m.ghosts, [&](const glm::dvec3& ghost) { return glm::dot(ghost, at) > std::cos(reach); });
+    });
+    if (whose == all.end() && std::ranges::find(moved, tile) != moved.end())
+      whose = std::ranges::max_element(all, {},
+                                       [&](const Moved& m) { return glm::dot(m.towards, at); });
+    if (whose != all.end() && forget_bright(tile, bright, map, whose->texels))
+      changed.push_back(tile);
   }
+  for (Moved& m : all)
+    if (!m.texels.empty()) show(std::move(m.texels), m.towards, map, changed);
+  std::ranges::sort(changed);
+  changed.erase(std::ranges::unique(changed).begin(), changed.end());
+  const std::uint64_t version = new_tile_version();
+  for (const int tile : changed) map.versions[std::size_t(tile)] = version;
   return changed;
 }
 

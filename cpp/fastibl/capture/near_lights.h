@@ -19,11 +19,12 @@ struct Disc {
 // show.
 std::vector<Disc> discs_of(std::span<const LightPosition> lights, const PosedPicture& posed);
 
-// Where the light was recorded while its place was unknown or wrong, the map shows it beside
-// itself, and that part must be seen anew: texels brighter than `bright` (radiance) become unseen.
-// Only a light that the last picture shows is forgotten, as it is seen anew at once. moved: tiles
-// that show it only now. Returns the tiles that changed.
-std::vector<int> forget_light(const LightPosition& light, const std::vector<int>& moved,
-                              const PlaceLayout& place, double bright, MapTiles& map);
+// Where lights were recorded while their places were unknown or wrong, the map shows them beside
+// themselves: there, texels brighter than `bright` (radiance) become unseen. What the last picture
+// told of a light goes with it to where it is, for the next one may clip there, and the light would
+// go out until one does not. Only lights that the last picture shows are moved. moved: tiles that
+// show one only now. Returns the tiles that changed.
+std::vector<int> move_lights(std::span<const LightPosition> lights, const std::vector<int>& moved,
+                             const PlaceLayout& place, double bright, MapTiles& map);
 
 }  // namespace fastibl
