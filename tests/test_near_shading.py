@@ -607,6 +607,25 @@ def test_a_light_nears_as_it_is_triangulated(mesh):
     assert result.lighting.lights[0].position is not None and "near_light" in result.passes
 
 
+def test_a_lamp_comes_nearer_and_goes_away_in_steps(mesh):
+    """In a session whose light moves: found 0.4 m away all at once, and no longer known to be near later."""
+    cube, position = lamp_map(0.03, 0.4), CENTRE + 0.4 * TOWARDS
+    s = session(mesh, fastibl.Environment(cube, centre=CENTRE))
+    nearness = []
+    for k in range(115):
+        given = fastibl.CubeMap(cube.faces * np.float32(1 + 1e-4 * k))  # other light, by little
+        known = [[*position, 0.03]] if 8 <= k < 60 else None
+        s.set_environment(fastibl.Environment(given, centre=CENTRE, lights=known))
+        lights = s.process(fastibl.Frame(k / 30, back_from_marker=POSE)).lighting.lights
+        nearness.append(
+            max((1 / np.linalg.norm(light.position - CENTRE) for light in lights if light.position), default=0)
+        )
+    print(" ".join(f"{n:.2f}" for n in nearness))
+    steps = np.abs(np.diff(nearness))
+    assert nearness[7] == 0 and nearness[59] == pytest.approx(2.5, rel=0.02) and nearness[-1] == 0
+    assert (steps <= np.maximum(0.02, 0.1 * np.array(nearness[:-1])) + 1e-3).all()
+
+
 @pytest.mark.parametrize("error", [0.02, 0.1])
 def test_what_a_plan_chooses_moves_the_highlight_too(mesh, error):
     """Methods are judged under distant light: those that know no places are not chosen from where lights have some."""

@@ -15,8 +15,11 @@ constexpr double kRing = 1.4;     // times the outline: what is around it
 // From this relative standard deviation of its distance on, a light counts as distant. Capture
 // reports lights below the same limit.
 constexpr double kUnsure = 0.2;
-constexpr float kLeastSine = 0.01f;   // half a degree: a point would be infinitely bright up close
-constexpr float kMostSine = 0.9999f;  // the centre lies outside the light
+constexpr double kStep = 0.02;         // of ρ, 1 / m: from one map to the next, and
+constexpr double kRelativeStep = 0.1;  // of ρ itself
+constexpr double kSame = 0.1;          // radians: one light, within its radius and this
+constexpr float kLeastSine = 0.01f;    // half a degree: a point would be infinitely bright up close
+constexpr float kMostSine = 0.9999f;   // the centre lies outside the light
 
 struct Place {
   glm::dvec3 direction;
@@ -39,6 +42,31 @@ std::optional<Place> place_of(const LightPosition& light, const glm::dvec3& cent
   const double size = std::max(radius, std::sqrt(std::max(spread, 0.0))) / distance;
   return Place{direction, (1 - unsure) / distance,
                std::clamp(size, double(kLeastSine), double(kMostSine))};
+}
+
+// Limits how far lights come nearer, or go away, from one map to the next.
+void approach(const NearLights& before, std::vector<Place>& places) {
+  const auto step = [](double inverse) { return std::max(kStep, kRelativeStep * inverse); };
+  std::vector<bool> known(before.lights.size(), false);
+  for (Place& place : places) {
+    double last = 0;
+    double nearest = std::cos(std::asin(place.sin_radius) + kSame);
+    std::size_t which = before.lights.size();
+    for (std::size_t i = 0; i < before.lights.size(); ++i) {
+      const double along = glm::dot(glm::dvec3(before.lights[i].direction), place.direction);
+      if (along > nearest) nearest = along, which = i;
+    }
+    if (which < before.lights.size())
+      known[which] = true, last = double(before.lights[which].inverse_distance);
+    const double most = step(last);
+    place.inverse_distance = std::clamp(place.inverse_distance, last - most, last + most);
+  }
+  for (std::size_t i = 0; i < before.lights.size(); ++i) {
+    const NearLight& light = before.lights[i];
+    const double left = double(light.inverse_distance) - step(double(light.inverse_distance));
+    if (!known[i] && left > 0)
+      places.push_back({glm::dvec3(light.direction), left, double(light.sin_radius)});
+  }
 }
 
 // The light around a direction, and where it is taken from.
@@ -128,12 +156,13 @@ class Search {
 
 }  // namespace
 
-NearLights find_near_lights(const Environment& environment) {
+NearLights find_near_lights(const Environment& environment, const NearLights* before) {
   NearLights out;
   out.centre = glm::vec3(environment.centre);
   std::vector<Place> places;
   for (const LightPosition& light : environment.light_positions)
     if (const auto place = place_of(light, environment.centre)) places.push_back(*place);
+  if (before && before->centre == out.centre) approach(*before, places);
   if (places.empty() || environment.radiance.size() == 0) return out;
   Search search(environment.radiance.level_at_most(kWorkSize));
   for (const Place& place : places) {

@@ -12,6 +12,10 @@ namespace fastibl {
 // it becomes better known, so that nothing jumps; at σ = d/50 its ρ lacks a hundredth. Positions
 // that are not finite, at the centre, or of a light around it, count as distant and are left out,
 // as are those where the map is not bright.
-NearLights find_near_lights(const Environment& environment);
+//
+// before: those of the map before, from the same centre. The ρ of a light then changes by 0.02 / m
+// or a tenth at most, also where it is no longer known to be near: a distance that is found all at
+// once would move its shadows all at once. From far away to 2.5 m takes 18 maps, to 0.4 m 37.
+NearLights find_near_lights(const Environment& environment, const NearLights* before = nullptr);
 
 }  // namespace fastibl

@@ -113,7 +113,10 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   }
   lighting.radiance = std::move(radiance);
   if (options.environment) {
-    lighting.near_lights = find_near_lights(*options.environment);
+    const NearLights* before = options.follows && previous ? &previous->near_lights : nullptr;
+    lighting.near_lights = before && previous->radiance == lighting.radiance
+                               ? *before
+                               : find_near_lights(*options.environment, before);
     lighting.box = options.environment->box;
   }
   if (options.chain && reads_chain(lighting.glossy))
