@@ -79,9 +79,11 @@ def adaptive_exposures() -> Iterator[Goal]:
         yield skipped(what, inputs.NO_MAPS)
         return
     for label, names in (
-        ("maps that it was tuned on", _TUNED),
+        ("maps that it was tuned on", [n for n in inputs.MAPS if n in _TUNED]),
         ("other maps", [n for n in inputs.MAPS if n not in _TUNED]),
     ):
+        if not names:
+            continue
         ours, fixed, notes = [], [], []
         for name in names:
             pairs = [(_captured(name, True, seed), _captured(name, False, seed)) for seed in (3, 4)]
