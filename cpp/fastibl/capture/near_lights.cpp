@@ -19,7 +19,7 @@ constexpr float kMoved = 0.3f;     // relative standard deviation of what was mo
 
 // What the map knew of a light's texel.
 struct LightTexel {
-  std::size_t place;  // face by face, row by row
+  std::size_t at;  // in arrays by tile
   glm::dvec3 direction;
   float value[3], variance[3];
   std::uint8_t bound;
@@ -35,19 +35,16 @@ void each_texel(int tile, const MapTiles& map, See&& see) {
   int k = 0;
   for (int y = r.y0; y < r.y1; ++y)
     for (int x = r.x0; x < r.x1; ++x, ++k)
-      see(k,
-          (std::size_t(r.face) * std::size_t(size) + std::size_t(y)) * std::size_t(size) +
-              std::size_t(x),
-          glm::normalize(glm::dvec3(texel_direction(r.face, x, y, size))));
+      see(k, glm::normalize(glm::dvec3(texel_direction(r.face, x, y, size))));
 }
 
 // Makes the tile's bright texels unseen; true if there are any.
 bool forget_bright(int tile, double bright, MapTiles& map, std::vector<LightTexel>& forgotten) {
   TexelState& state = map.state;
   const std::size_t start = map.geometry.start(tile), before = forgotten.size();
-  each_texel(tile, map, [&](int k, std::size_t place, const glm::dvec3& direction) {
+  each_texel(tile, map, [&](int k, const glm::dvec3& direction) {
     const std::size_t at = start + std::size_t(k);
-    LightTexel t{place, direction, {}, {}, state.bound[at], state.last_seen.at(tile, k)};
+    LightTexel t{at, direction, {}, {}, state.bound[at], state.last_seen.at(tile, k)};
     for (int c = 0; c < 3; ++c)
       t.value[c] = state.value[c][at], t.variance[c] = state.variance[c][at];
     if (!(double(t.sum()) > 3 * bright) || !(t.seen > kNever)) return;
@@ -86,7 +83,7 @@ void show(std::vector<LightTexel> texels, const glm::dvec3& towards, MapTiles& m
   std::unordered_map<std::size_t, const LightTexel*> by_place;
   double least = 1;  // cosine of how far the texels reach
   for (const LightTexel& t : texels) {
-    by_place[t.place] = &t;
+    by_place[t.at] = &t;
     least = std::min(least, glm::dot(t.direction, from));
   }
   const int size = map.grid().size;
@@ -94,15 +91,13 @@ void show(std::vector<LightTexel> texels, const glm::dvec3& towards, MapTiles& m
   TexelState& state = map.state;
   for (int tile = 0; tile < map.grid().count(); ++tile) {
     const TileOutlines& outlines = map.geometry.outlines;
-    if (!map.above(tile) ||
-        glm::dot(outlines.middle(tile), towards) < std::cos(reach + outlines.reach(tile)))
-      continue;
+    const double most = std::min(reach + outlines.reach(tile), double(kPi));
+    if (!map.above(tile) || glm::dot(outlines.middle(tile), towards) < std::cos(most)) continue;
     bool any = false;
-    each_texel(tile, map, [&](int k, std::size_t, const glm::dvec3& direction) {
-      const TexelPlace at = texel_at(glm::vec3(back * direction), size);
-      const auto found = by_place.find(
-          (std::size_t(at.face) * std::size_t(size) + std::size_t(at.y)) * std::size_t(size) +
-          std::size_t(at.x));
+    each_texel(tile, map, [&](int k, const glm::dvec3& direction) {
+      const TexelPlace old = texel_at(glm::vec3(back * direction), size);
+      const TilePlace last = tile_place(map.grid(), old.face, old.x, old.y);
+      const auto found = by_place.find(map.geometry.start(last.tile) + std::size_t(last.texel));
       if (found == by_place.end() || !(direction.z > 0)) return;
       const LightTexel& t = *found->second;
       const std::size_t to = map.geometry.start(tile) + std::size_t(k);
