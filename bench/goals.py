@@ -123,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("table", nargs="?", choices=sorted(TABLES), help="one table (default: all)")
     parser.add_argument("--only", metavar="WORD", help="only the rows whose names hold this word")
     parser.add_argument(
-        "--maps", metavar="DIR", type=Path, help="the .hdr and .exr maps of this folder in place of the 7"
+        "--maps", metavar="DIR", type=Path, help="the .hdr and .exr maps of this folder instead of the seven"
     )
     given = parser.parse_args(arguments)
     if given.maps:

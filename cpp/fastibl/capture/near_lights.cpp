@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <glm/gtc/quaternion.hpp>
 #include <unordered_map>
 #include <utility>
 
+#include "fastibl/capture/texel_view.h"
 #include "fastibl/scene/cube_map.h"
 
 namespace fastibl {
@@ -76,10 +76,7 @@ void show(std::vector<LightTexel> texels, const glm::dvec3& towards, MapTiles& m
   keep_last_seen(texels);
   const glm::dvec3 from = middle(texels);
   if (!(glm::dot(from, towards) > std::cos(kFarthest))) return;
-  const glm::dvec3 axis = glm::cross(towards, from);
-  const double sine = glm::length(axis);
-  const glm::dquat back = sine > 0 ? glm::angleAxis(std::asin(std::min(sine, 1.0)), axis / sine)
-                                   : glm::dquat(1, 0, 0, 0);
+  const glm::dmat3 back = rotation_between(towards, from);
   std::unordered_map<std::size_t, const LightTexel*> by_place;
   double least = 1;  // cosine of how far the texels reach
   for (const LightTexel& t : texels) {

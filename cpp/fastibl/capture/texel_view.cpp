@@ -194,14 +194,13 @@ void set_turn(TexelView::Projection& to, const glm::dmat3& turn) {
     for (int r = 0; r < 3; ++r) to.turn[c][r] = float(turn[c][r]);
 }
 
-// The smallest rotation that takes one direction to another.
+}  // namespace
+
 glm::dmat3 rotation_between(const glm::dvec3& from, const glm::dvec3& to) {
   const glm::dvec3 sum = from + to;
   return glm::dmat3(1.0) - glm::outerProduct(sum, sum) / (1 + glm::dot(from, to)) +
          2.0 * glm::outerProduct(to, from);
 }
-
-}  // namespace
 
 TileOutlines::TileOutlines(TileGrid tiles) : grid(tiles) {
   for (int tile = 0; tile < grid.count(); ++tile) {

@@ -108,4 +108,7 @@ class TexelView {
   PictureBounds bounds_;
 };
 
+// The smallest rotation that takes one unit vector to another; they may not be opposite.
+glm::dmat3 rotation_between(const glm::dvec3& from, const glm::dvec3& to);
+
 }  // namespace fastibl
