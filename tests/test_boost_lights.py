@@ -1,4 +1,4 @@
-"""Lights that clip in the only exposure, made as bright as the board's white says."""
+"""Lights that clip in the shortest exposure, made as bright as the board's white says."""
 
 import numpy as np
 import pytest
@@ -41,8 +41,9 @@ def truth_of(light, size=128):
     return fastibl.CubeMap(light(fastibl.texel_directions(size)).astype(np.float32))
 
 
-def captured(light, views=VIEWS, shown=1.0, board=BOARD, exposures=(1.0,), **options):
-    """shown: factor on what the board shows of the light that falls on it; None for no picture of the board."""
+def captured(light, views=VIEWS, shown=1.0, board=BOARD, exposures=(1.0,), short_views=None, **options):
+    """shown: factor on what the board shows of the light that falls on it; None for no picture of the board.
+    short_views: those of all exposures but the first."""
     capture = fastibl.Capture(size=SIZE, board=board, paper_albedo=ALBEDO, **options)
     if shown is not None:
         white = shown * on_plane(truth_of(light).faces) * ALBEDO / np.pi
@@ -52,8 +53,8 @@ def captured(light, views=VIEWS, shown=1.0, board=BOARD, exposures=(1.0,), **opt
         linear = BACK.response.decode(grey.astype(np.float32) / 255) * tint.astype(np.float32)
         picture = np.round(255 * BACK.response.encode(linear.astype(np.float32))).astype(np.uint8)
         capture.add(picture, BACK, fastibl.Pose(look_at(30, 0.35)), exposure=exposure)
-    for exposure in exposures:
-        for towards in views:
+    for k, exposure in enumerate(exposures):
+        for towards in short_views if k and short_views else views:
             pose = looking(towards)
             capture.add(exposed(picture_of(light, FRONT, pose, 2), FRONT, exposure), FRONT, pose, exposure=exposure)
     return capture.environment()
@@ -84,6 +85,35 @@ def test_it_is_off_by_default():
     env = captured(light)
     assert env.knowledge["boosted_flux"] == 0 and env.radiance.faces.max() < 1.01
     assert (captured(light, most_boost=1.0).radiance.faces == env.radiance.faces).all()
+
+
+@pytest.mark.parametrize("radiance", [300.0, 3000.0])
+def test_a_sun_that_clips_in_every_exposure_of_a_bracket_gets_its_light_back(radiance):
+    light = place(((UP, radiance),), degrees=3.0)
+    error, dark = report("clipped", captured(light, exposures=(1.0, 1 / 16), most_boost=1), light)
+    env = captured(light, exposures=(1.0, 1 / 16))
+    better, plane = report("by default", env, light)
+    low, high = env.predicted_interval
+    print(f"stated {low:.1%} to {high:.1%}, {env.predicted_error:.1%} expected")
+    assert better < 0.3 * error and better < 0.05 and dark.max() < 0.5
+    assert low <= better <= high and env.predicted_error < 0.1
+    np.testing.assert_allclose(plane, 1, atol=0.08)
+    assert env.knowledge["weighed_flux"] > 0.001 and env.knowledge["weighed_spread"] < 0.01
+
+
+def test_what_a_shorter_exposure_was_not_asked_for_is_left_alone():
+    light = place()
+    away = [v for v in VIEWS if v @ UP < 0]
+    env = captured(light, exposures=(1.0, 1 / 16, 1 / 256), short_views=away)
+    assert env.clipped > 0 and env.knowledge["weighed_flux"] == env.knowledge["boosted_flux"] == 0
+    assert env.radiance.faces.max() < 1.01
+
+
+def test_the_board_says_what_a_light_may_lack():
+    light, views = place(), [v for v in VIEWS if v[1] > -0.1]
+    none, some = captured(place(((UP, 0.9),)), views), captured(light, views)
+    assert none.knowledge["bound_doubt"] == 0
+    assert 0.2 < some.knowledge["bound_doubt"] < 1 and some.predicted_interval[1] > none.predicted_interval[1]
 
 
 def test_all_levels_of_the_map_show_it():

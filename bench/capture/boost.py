@@ -1,10 +1,11 @@
-"""Cameras with one exposure: clipped values are only a lower bound, and the board's white says how much is missing."""
+"""Light that clips in the shortest exposure: only a lower bound; the board's white says how much is missing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .predicted import BANDS, TUNED
 from .recordings import FRESH, ROOM, Stated, recorded
+from .sweep import mean_error
 
 MOST = 1000.0  # times the value that clipped
 _EXPOSED = 0.4  # mean of the darker nine tenths of the sky, as a share of white: 7 to 22 % of the sphere clip
@@ -34,9 +36,20 @@ class Same:
 
 
 @dataclass(frozen=True)
-class Moment(Stated):
-    """A frame of a sweep. plane: relative error of the irradiance on the plane."""
+class Alternate:
+    """An exposure and one of four stops less, in turn."""
 
+    longer: float
+
+    def __call__(self, last: float) -> float:
+        return self.longer / 16 if last > self.longer / 4 else self.longer
+
+
+@dataclass(frozen=True)
+class Moment(Stated):
+    """A frame of a sweep. mean: of the error over normals. plane: relative error of the irradiance on the plane."""
+
+    mean: float
     plane: float
     clipped: float
     boosted: float
@@ -63,9 +76,11 @@ def on_plane(cube: fastibl.CubeMap) -> np.ndarray:
 
 
 @cache
-def moments(place: str, brighter: float, path: str, seed: int, most: float) -> list[Moment]:
-    """Moments of every third frame of 6 s in which the front camera keeps one exposure, `brighter` times the usual one;
-    of the last frame alone where nothing is boosted."""
+def moments(
+    place: str, brighter: float, path: str, seed: int, most: float | None, taken: Callable[[float], Any] = Same
+) -> list[Moment]:
+    """Moments of every third frame of 6 s in which the front camera keeps one exposure, `brighter` times the usual one,
+    or takes others (taken: from that one) as well; of the last frame alone where nothing is boosted."""
     film = recorded(
         place,
         seconds=6,
@@ -76,7 +91,7 @@ def moments(place: str, brighter: float, path: str, seed: int, most: float) -> l
         path=path,
         hand=False,
         lamp=False,
-        front_exposures=Same(brighter * one_exposure(true_map(place))),
+        front_exposures=taken(brighter * one_exposure(true_map(place))),
     )
     capture = fastibl.Capture(size=128, board=film.board, centre=inputs.OBJECT, most_boost=most)
     true = truth_of(film).environment(0.0)
@@ -99,6 +114,7 @@ def moments(place: str, brighter: float, path: str, seed: int, most: float) -> l
                 low,
                 high,
                 irradiance_error(environment, true),
+                mean_error(environment, true),
                 float(np.sqrt((off**2).mean())),
                 environment.clipped,
                 environment.knowledge["boosted_flux"],
@@ -172,3 +188,27 @@ def boost() -> Iterator[Goal]:
                 f"fitted to: {percent(float(np.mean(tuned)))}, the others: {percent(float(np.mean(others)))}",
             ),
         )
+
+
+@row("capture", "a sun that every exposure clips")
+def bracket() -> Iterator[Goal]:
+    what = "two exposures 4 stops apart for 60 frames, lights that clip in both as bright as the board's white says"
+    if not inputs.MAPS:
+        yield skipped(what, inputs.NO_MAPS)
+        return
+    places = [*inputs.MAPS, ROOM, *([FRESH] if inputs.SUN_MAP.is_file() else [])]
+    ends = {p: [moments(p, _ALL[0], "sweep", 0, most, Alternate)[-1] for most in (1.0, None)] for p in places}
+    clip = {p: pair for p, pair in ends.items() if pair[0].clipped > 0}
+    before, after = (np.array([pair[k].mean for pair in clip.values()]) for k in (0, 1))
+    yield Goal(
+        f"{what}: irradiance, mean over normals, {len(clip)} of {len(places)} places where any do, against clipped",
+        f"{percent(float(after.mean()))} against {percent(float(before.mean()))}",
+        "<= 0.7 of clipped",
+        bool(after.mean() <= 0.7 * before.mean()),
+        tuple(
+            f"{p}: {percent(a.mean)} to {percent(b.mean)} (median {percent(a.error)} to {percent(b.error)}, "
+            f"stated {percent(b.low)} to {percent(b.high)}; plane {percent(a.plane)} to {percent(b.plane)}; "
+            f"{percent(a.clipped)} of what was seen clips, {percent(b.boosted)} of the light put back)"
+            for p, (a, b) in clip.items()
+        ),
+    )

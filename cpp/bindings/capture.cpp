@@ -84,17 +84,17 @@ prior: CubeMap of the place from an earlier time; its sky stands in for what no 
 agree with what was seen, at confidence 0 (see Environment.knowledge).
 doubt_exposures: whether a picture of a perspective camera that is brighter or darker than the map by one factor
 everywhere is taken to be wrongly exposed, until this has lasted for 0.2 s.
-most_boost: for cameras that cannot bracket, the largest factor per channel by which light that clipped above the
-horizon in every exposure is made brighter, until the map lights the plane as the board's white shows; 1 (the default)
-leaves it a lower bound. Everything that clips in all channels gets the same factor, since one reading cannot tell
-lights apart. Without a board, or where its white clips, nothing is boosted. Environment.knowledge["boosted_flux"] says
-how much of the light was boosted.
+most_boost: the largest factor per channel by which light above the horizon that clips in a camera's shortest exposure
+is made brighter, until the map lights the plane as the board's white shows; 1 leaves it a lower bound. None (the
+default): 10000 as soon as a camera brackets, whose shortest exposure a sun alone may still clip; 1 with cameras of one
+exposure. One reading cannot tell lights apart: what faces the plane is made brighter most. Without a board, or where
+its white clips, nothing is. Environment.knowledge["boosted_flux"] says how much of the light was put back.
 Raises ValueError for values out of range.)")
       .def(py::init([](int size, const std::optional<Board>& board, std::array<double, 3> centre,
                        double plane_albedo, std::optional<double> distance,
                        const std::optional<RoomCorners>& box, bool locate_lights,
                        const CubeMap* prior, bool doubt_exposures, double paper_albedo,
-                       double most_boost, double box_yaw) {
+                       std::optional<double> most_boost, double box_yaw) {
              CaptureOptions options;
              options.size = size;
              options.board = board;
@@ -114,7 +114,7 @@ Raises ValueError for values out of range.)")
            py::arg("distance") = py::none(), py::arg("box") = py::none(),
            py::arg("locate_lights") = true, py::arg("prior") = py::none(),
            py::arg("doubt_exposures") = false, py::arg("paper_albedo") = 0.85,
-           py::arg("most_boost") = 1.0, py::arg("box_yaw") = 0.0)
+           py::arg("most_boost") = py::none(), py::arg("box_yaw") = 0.0)
       .def(
           "add",
           [](Capture& capture, const py::object& image, const Camera& camera,

@@ -185,6 +185,9 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
             out["unseen_flux"] = e.knowledge.unseen_flux;
             out["guessed_plane"] = e.knowledge.guessed_plane;
             out["bound_flux"] = e.knowledge.bound_flux;
+            out["weighed_flux"] = e.knowledge.weighed_flux;
+            out["weighed_spread"] = e.knowledge.weighed_spread;
+            out["bound_doubt"] = e.knowledge.bound_doubt;
             out["parallax"] = e.knowledge.parallax;
             out["parallax_doubt"] = e.knowledge.parallax_doubt;
             out["prior_flux"] = e.knowledge.prior_flux;
@@ -195,9 +198,11 @@ Raises ValueError for other shapes, a centre that is not finite, or a box that d
           "What the prediction rests on, as shares. Of the sky, unseen_sky was never seen. Of the "
           "light, unseen_flux is in what was never seen; prior_flux is the part of that taken from "
           "an earlier map, and guessed_plane that in a plane of which little was seen. Of the "
-          "light above the horizon, bound_flux is known as a lower "
-          "bound "
-          "only; boosted_flux clipped and was put back (see Capture's most_boost). Of the "
+          "light above the horizon, bound_flux is known as a lower bound only; weighed_flux of it "
+          "clips in the shortest exposure, too, and was compared with the board's white, "
+          "boosted_flux was put back (see Capture's most_boost), and bound_doubt may still be "
+          "missing, one standard deviation. weighed_spread is 0 where one light clips, 1 where they "
+          "surround the object. Of the "
           "irradiance, parallax is put in the wrong place because things are near, as far as their "
           "lights tell; parallax_doubt may be put wrong as well, since little was seen of how near "
           "things are. scale is the share by which all of it may "

@@ -31,14 +31,14 @@ LightPosition light_from_state(const py::tuple& state) {
   return light;
 }
 
-std::array<double, 11> numbers_of(const MapKnowledge& k) {
-  return {k.unseen_sky,      k.unseen_flux,     k.guessed_plane, k.bound_flux,
-          k.parallax,        k.parallax_doubt,  k.prior_flux,    k.boosted_flux,
-          double(k.metered), double(k.weighed), k.scale};
+std::array<double, 13> numbers_of(const MapKnowledge& k) {
+  return {k.unseen_sky,     k.unseen_flux,     k.guessed_plane, k.bound_flux,     k.weighed_flux,
+          k.weighed_spread, k.bound_doubt,     k.parallax,      k.parallax_doubt, k.prior_flux,
+          k.boosted_flux,   double(k.metered), k.scale};
 }
 
-MapKnowledge knowledge_from(const std::array<double, 11>& n) {
-  return {n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8] != 0, n[9] != 0, n[10]};
+MapKnowledge knowledge_from(const std::array<double, 13>& n) {
+  return {n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11] != 0, n[12]};
 }
 
 // The times by tile and texel, with shape (tiles, stride).
@@ -90,7 +90,7 @@ Environment environment_from_state(const py::tuple& state) {
   const auto numbers = state[1].cast<std::array<double, 6>>();
   e.coverage = numbers[0], e.clipped = numbers[1], e.predicted_error = numbers[2];
   e.predicted_low = numbers[3], e.predicted_high = numbers[4], e.time = numbers[5];
-  e.knowledge = knowledge_from(state[2].cast<std::array<double, 11>>());
+  e.knowledge = knowledge_from(state[2].cast<std::array<double, 13>>());
   e.centre = vector(state[3].cast<Three>());
   if (const auto box = state[4].cast<std::optional<std::tuple<Three, Three, double>>>())
     e.box = RoomBox{vector(std::get<0>(*box)), vector(std::get<1>(*box)), std::get<2>(*box)};

@@ -152,8 +152,9 @@ void bind_making(py::class_<Session>& session_class) {
                   double milliseconds, int size, bool cast_shadow, std::optional<double> distance,
                   const std::optional<RoomCorners>& box, double box_yaw, bool doubt_exposures,
                   const std::array<double, 3>& front_ratio, bool follow_surroundings,
-                  const CubeMap* prior, double paper_albedo, double most_boost, bool adapt,
-                  const std::map<std::string, double>& costs, bool offline, int supersampling) {
+                  const CubeMap* prior, double paper_albedo, std::optional<double> most_boost,
+                  bool adapt, const std::map<std::string, double>& costs, bool offline,
+                  int supersampling) {
         Detector function;
         if (!detector.is_none()) function = make_detector(detector);
         std::unique_ptr<Renderer> renderer = renderer_named(backend);

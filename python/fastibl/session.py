@@ -189,7 +189,8 @@ class Session(_Session):
     (FrameResult.turned; the map is captured on), and whether the board was turned by hand (FrameResult.board_moved).
     prior: CubeMap of the place from an earlier time.
     paper_albedo: albedo of the board's white.
-    most_boost: largest factor on lights that clip in every exposure. The last three are as in Capture.
+    most_boost: largest factor on lights that clip in a camera's shortest exposure; None: with cameras that bracket. The
+    last three are as in Capture.
     cast_shadow: False draws no shadow on the plane; set_cast_shadow changes it.
     adapt: whether frames that take longer than `milliseconds`, or much less, change the methods; switch it off for a
     replay that gives the same bits. Choices by `error` alone never depend on time.
@@ -227,7 +228,7 @@ class Session(_Session):
         follow_surroundings: bool = True,
         prior: CubeMap | None = None,
         paper_albedo: float = 0.85,
-        most_boost: float = 1.0,
+        most_boost: float | None = None,
         adapt: bool = True,
         costs: Mapping[str, float] | None = None,
         offline: bool = False,
@@ -265,7 +266,7 @@ class Session(_Session):
             bool(follow_surroundings),
             prior,
             float(paper_albedo),
-            float(most_boost),
+            None if most_boost is None else float(most_boost),
             bool(adapt),
             dict(costs or {}),
             bool(offline),

@@ -1,59 +1,42 @@
 #include "fastibl/capture/boost_lights.h"
 
-#include <algorithm>
-
 namespace fastibl {
 namespace {
 
-constexpr std::uint8_t kWhole = 7;  // bits of TexelState::bound: all channels
+constexpr std::uint8_t kWhole = 7 | kClipsInAll;  // bits of TexelState::bound: all channels
 
 }  // namespace
 
-BoundLight sum_bounds(const TexelState& state, std::size_t first, int count, const float* weights) {
+BoundLight sum_bounds(const TexelState& state, std::size_t first, int count, const float* angles,
+                      const float* projected) {
   BoundLight out;
   for (std::size_t k = 0; k < std::size_t(count); ++k) {
     const std::uint8_t bits = state.bound[first + k];
     if (bits == 0) continue;
-    glm::dvec3& sum = bits == kWhole ? out.whole : out.part;
-    for (int c = 0; c < 3; ++c)
-      if (bits >> c & 1) sum[c] += double(weights[k]) * double(state.value[c][first + k]);
-  }
-  return out;
-}
-
-LightBoost boost_of(const BoundLight& light, const glm::dvec3& missing, const glm::dvec3& deviation,
-                    double most) {
-  LightBoost out;
-  for (int c = 0; c < 3; ++c) {
-    const double found = missing[c], square = found * found;
-    if (!(found > 0)) continue;
-    double excess = found * (square / (square + deviation[c] * deviation[c]));
-    const auto take = [&](double given) {
-      const double factor = given > 0 ? std::min(1 + excess / given, most) : 1;
-      excess -= (factor - 1) * given;
-      return float(factor);
+    const float cosine = projected[k] / angles[k];
+    const auto add = [&](BoundSum& sums, float weight) {
+      glm::dvec3& sum = !(bits & kClipsInAll) ? sums.rest : bits == kWhole ? sums.whole : sums.part;
+      for (int c = 0; c < 3; ++c)
+        if (bits >> c & 1) sum[c] += double(weight) * double(state.value[c][first + k]);
     };
-    out.whole[c] = take(light.whole[c]);
-    out.part[c] = take(light.part[c]);
+    add(out.flux, angles[k]), add(out.plane, projected[k]), add(out.facing, cosine * projected[k]);
   }
   return out;
-}
-
-glm::dvec3 added(const LightBoost& boost, const BoundLight& light) {
-  return (glm::dvec3(boost.whole) - 1.0) * light.whole +
-         (glm::dvec3(boost.part) - 1.0) * light.part;
 }
 
 std::vector<float> boosted(const LightBoost& boost, const TexelState& state, std::size_t first,
-                           int count, int stride) {
+                           int count, const float* angles, const float* projected, int stride) {
   std::vector<float> out(3 * std::size_t(stride));
-  for (int c = 0; c < 3; ++c) {
-    float* to = &out[std::size_t(c) * std::size_t(stride)];
-    for (std::size_t k = 0; k < std::size_t(count); ++k) {
-      const std::uint8_t bits = state.bound[first + k];
-      const float factor = bits >> c & 1 ? (bits == kWhole ? boost.whole[c] : boost.part[c]) : 1.0f;
-      to[k] = factor * state.value[c][first + k];
-    }
+  for (std::size_t k = 0; k < std::size_t(count); ++k) {
+    const std::uint8_t bits = state.bound[first + k];
+    const float own = projected[k] / angles[k],
+                cosine = bits & kClipsInAll
+                             ? boost.cosine + float(kOwnCosine) * (own - boost.cosine)
+                             : 0.0f;
+    const glm::vec3& slope = bits == kWhole ? boost.whole : boost.part;
+    for (int c = 0; c < 3; ++c)
+      out[std::size_t(c * stride) + k] =
+          (bits >> c & 1 ? 1 + cosine * slope[c] : 1.0f) * state.value[c][first + k];
   }
   return out;
 }

@@ -1,4 +1,4 @@
-// Makes lights that clip in every exposure as bright as the plane that they light shows them to be.
+// Texels of lights that clip: their light, and what they show once it is known to be more.
 #pragma once
 
 #include <cstddef>
@@ -9,41 +9,37 @@
 
 namespace fastibl {
 
-// The light (RGB) of texels that are only lower bounds: of those that are in all three channels,
-// and of those that are in some, for which only these channels count.
+// A sum (RGB) over texels that are only lower bounds, in the channels in which they are: those that
+// clip in the shortest exposure (kClipsInAll) in all three channels, those that do in some, and the
+// others, which a shorter exposure may show.
+struct BoundSum {
+  glm::dvec3 whole{0}, part{0}, rest{0};
+  glm::dvec3 all() const { return whole + part + rest; }
+};
+
+// The flux of such texels, the irradiance of the plane by them, and that times their cosine to it.
 struct BoundLight {
-  glm::dvec3 whole{0}, part{0};
-  BoundLight& operator+=(const BoundLight& other) {
-    whole += other.whole, part += other.part;
-    return *this;
-  }
+  BoundSum flux, plane, facing;
 };
 
-// Factors on the values of such texels, 1 or more.
+// Of the cosine by which a texel is made brighter: what is its own, and not its light's.
+inline constexpr double kOwnCosine = 0.3;
+
+// Such texels, except those that a shorter exposure may show, are made brighter by the factor
+// 1 + slope × cosine, a mean of their own to the plane and that of the light they are part of.
 struct LightBoost {
-  glm::vec3 whole{1}, part{1};
-  bool any() const { return whole != glm::vec3(1) || part != glm::vec3(1); }
+  glm::vec3 whole{0}, part{0};  // slopes
+  float cosine = 0;             // of the light
+  bool any() const { return whole != glm::vec3(0) || part != glm::vec3(0); }
 };
 
-// weights: of each texel, as solid angles.
-BoundLight sum_bounds(const TexelState& state, std::size_t first, int count, const float* weights);
-
-// How much brighter lower bounds must be made so that the light adds up to what was measured.
-// light: irradiance of the plane from them; missing: how much more irradiance was measured than the
-// map gives; deviation: standard deviation of that. One reading cannot tell lights apart, so one
-// factor, up to `most`, holds for all texels that clip in all channels. Texels that clip in some
-// channels get only what these do not take, since their other channels say that they are hardly
-// brighter. For a Gaussian error and an excess as large as found,
-// missing² / (missing² + deviation²) of it is light.
-LightBoost boost_of(const BoundLight& light, const glm::dvec3& missing, const glm::dvec3& deviation,
-                    double most);
-
-// What the boost adds to the light.
-glm::dvec3 added(const LightBoost& boost, const BoundLight& light);
+// angles, projected: solid angle of each texel, and that times its cosine to the plane.
+BoundLight sum_bounds(const TexelState& state, std::size_t first, int count, const float* angles,
+                      const float* projected);
 
 // The boosted values of `count` texels by channel; each channel starts `stride` values after the
 // one before.
 std::vector<float> boosted(const LightBoost& boost, const TexelState& state, std::size_t first,
-                           int count, int stride);
+                           int count, const float* angles, const float* projected, int stride);
 
 }  // namespace fastibl

@@ -36,6 +36,8 @@ void check_given(const Picture& picture, const Camera& camera, const Pose& camer
         "a tint must be positive and finite, got ", tint.x, " ", tint.y, " ", tint.z);
 }
 
+constexpr double kMostBoost = 1e4;  // a sun is 1e5 times as bright as its sky
+
 }  // namespace
 
 Capture::Capture(CaptureOptions options)
@@ -64,7 +66,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   const double bright = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
   const Taken taken = judge(given, exposure, tint, known);
   if (taken.as == TakenAs::left_out) return taken;
-  const Taking how{taken, time, bright, plane};
+  const Taking how{taken, time, bright, plane, clips_in_all(taken, known)};
   std::vector<int> changed;
   bool any = false, metered = false;
   known.each_side(given, [&](const PosedPicture& posed) {
@@ -74,10 +76,21 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   });
   const bool assumed = known.doubt.assumed() && !known.metered;
   scale_.note(changed, assumed ? known.first : 0, !exposure);
-  if (metered && !fills_.has_prior() && !map_.boost.any())
+  if (metered && !fills_.has_prior() && fills_.clipped_lights().boosted() == 0)
     scale_.mend(map_, *meter_.irradiance(), time_, changed);
+  fills_.boost_up_to(meter_.irradiance() ? most_boost() : 1);
   if (any) fills_.take(changed, refills, meter_.irradiance(), time_, map_);
   return taken;
+}
+
+bool Capture::clips_in_all(const Taken& taken, KnownCamera& known) const {
+  return known.is_shortest(taken.exposure) && (options_.most_boost || known.brackets());
+}
+
+double Capture::most_boost() const {
+  if (options_.most_boost) return *options_.most_boost;
+  // An unknown scale and unknown lights cannot both be told from the board's white.
+  return cameras_.any_brackets() && !cameras_.any_assumed() ? kMostBoost : 1;
 }
 
 Taken Capture::judge(const GivenPicture& given, std::optional<double> exposure,
@@ -159,7 +172,6 @@ std::shared_ptr<const Environment> Capture::environment() {
   MapKnowledge& knowledge = environment->knowledge;
   knowledge.parallax = parallax.expected, knowledge.parallax_doubt = parallax.doubt;
   knowledge.metered = meter_.irradiance().has_value();
-  knowledge.weighed = options_.most_boost > 1 && knowledge.metered;
   knowledge.scale = scale_error();
   const ErrorInterval error = expected_error(knowledge);
   environment->predicted_error = error.expected;

@@ -93,6 +93,9 @@ class Capture {
               KnownCamera& known);
   // Notes that all of the map may be wrong by this factor, ln by channel.
   void distrust(const glm::dvec3& log_change);
+  // Whether what clips in this picture clips in every exposure, as far as is known.
+  bool clips_in_all(const Taken& taken, KnownCamera& known) const;
+  double most_boost() const;
   double scale_error() const;
   // True if the picture shows the board's white well enough.
   bool read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken);

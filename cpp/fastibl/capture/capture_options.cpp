@@ -21,8 +21,9 @@ CaptureOptions checked(CaptureOptions options) {
         "the paper's albedo must be in (0, 1], got ", options.paper_albedo);
   check(options.plane_albedo > 0 && options.plane_albedo <= 1,
         "the plane's albedo must be in (0, 1], got ", options.plane_albedo);
-  check(options.most_boost >= 1 && std::isfinite(options.most_boost),
-        "lights may be boosted by a finite factor of at least 1, got ", options.most_boost);
+  if (options.most_boost)
+    check(*options.most_boost >= 1 && std::isfinite(*options.most_boost),
+          "lights may be boosted by a finite factor of at least 1, got ", *options.most_boost);
   return options;
 }
 

@@ -14,6 +14,9 @@ constexpr double kDoubts = 0.8;
 // shows stands for all of it. At worst, a dark sliver stands for a bright table.
 constexpr double kGuessed = 0.4, kGuessedMost = 1;
 
+// Spread of clipping lights above which they count as places apart.
+constexpr double kApart = 0.1;
+
 // An error, and how far below and above it the truth may lie: the spread of its logarithm.
 struct Unseen {
   double expected, below, above;
@@ -37,16 +40,22 @@ struct Bounds {
 
 // The error by what is only a bound, and its ends. above: the spread of the whole.
 Bounds by_bounds(const MapKnowledge& known, double above) {
-  const double share = known.bound_flux;
-  if (!known.metered) return {0.8 * share, 0.1 * share, 1.4 * share};
-  if (known.weighed) {
-    // Of the square of what was added: one reading does not tell where the light comes from.
-    const double error = 0.2 * share + 0.25 * known.boosted_flux * known.boosted_flux;
-    return {error, 0.2 * error, 2.5 * error};
+  if (!known.metered) {
+    const double share = known.bound_flux;
+    return {0.8 * share, 0.1 * share, 1.4 * share};
   }
-  // A sun that clips may be a small share of what is known, and most of the light.
-  return {0.5 * share, 0,
-          0.5 * share * std::exp(above) + 0.3 * std::sqrt(std::max(share - 0.001, 0.0))};
+  // What may be shown unclipped yet. A light that clips may be a small share of what is known, and
+  // most of the light.
+  const double open = std::max(known.bound_flux - known.weighed_flux, 0.0),
+               most = 0.5 * open * std::exp(above) + 0.3 * std::sqrt(std::max(open - 0.001, 0.0));
+  // What was made as bright as the plane's light says. One reading does not tell where the light
+  // comes from, which does not matter for a sun.
+  const double apart = std::min(known.weighed_spread / kApart, 1.0),
+               spread = apart *
+                        (0.2 * known.weighed_flux + 0.25 * known.boosted_flux * known.boosted_flux),
+               sun = (1 - apart) * known.boosted_flux;
+  return {0.5 * open + spread + 0.06 * sun, 0.3 * spread,
+          std::max(most + 2.5 * spread + 0.1 * sun, 0.3 * known.bound_doubt)};
 }
 
 }  // namespace

@@ -6,6 +6,10 @@ namespace fastibl {
 namespace {
 
 constexpr std::size_t kCameras = 4;  // remembered of each kind: those used last
+// Exposures that differ by less are one: cameras round them.
+constexpr double kSameExposure = 1.5;
+// Of the longest to the shortest exposure: cameras that follow the light alone seldom have that.
+constexpr double kBracket = 8;
 
 }  // namespace
 
@@ -18,6 +22,13 @@ KnownCamera::KnownCamera(const Camera& camera, int number, int texels)
   wide_ = sides_of(camera, texels);
   for (const WideSide& side : wide_) sides_.emplace_back(side.camera, side.vignette).of_wide = true;
 }
+
+bool KnownCamera::is_shortest(double exposure) {
+  shortest_ = std::min(shortest_, exposure), longest_ = std::max(longest_, exposure);
+  return exposure <= kSameExposure * shortest_;
+}
+
+bool KnownCamera::brackets() const { return longest_ >= kBracket * shortest_; }
 
 KnownCamera& KnownCameras::get(const Camera& camera, int number, int texels) {
   std::vector<KnownCamera>& all = camera.model == CameraModel::perspective ? perspective_ : wide_;
@@ -44,6 +55,12 @@ bool KnownCameras::any_assumed() const {
   const auto is_assumed = [](const KnownCamera& known) { return known.doubt.assumed(); };
   return forgot_assumed_ || std::any_of(perspective_.begin(), perspective_.end(), is_assumed) ||
          std::any_of(wide_.begin(), wide_.end(), is_assumed);
+}
+
+bool KnownCameras::any_brackets() const {
+  const auto brackets = [](const KnownCamera& known) { return known.brackets(); };
+  return std::any_of(perspective_.begin(), perspective_.end(), brackets) ||
+         std::any_of(wide_.begin(), wide_.end(), brackets);
 }
 
 }  // namespace fastibl

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "fastibl/capture/camera_side.h"
@@ -49,12 +50,17 @@ class KnownCamera {
   ExposureDoubt doubt;
   bool metered = false;  // whether the board's white was read in its pictures
 
+  // For a picture with this exposure. True if none was much shorter: what clips here will clip.
+  bool is_shortest(double exposure);
+  bool brackets() const;  // whether its exposures differ by steps of a bracket
+
  private:
   Camera camera_;
   int number_;
   std::vector<WideSide> wide_;  // of a fisheye or 360° camera
   SidePicture shown_;
   std::vector<CameraSide> sides_;  // one for each of these, or that of a perspective camera
+  double shortest_ = std::numeric_limits<double>::infinity(), longest_ = 0;  // exposures
 };
 
 class KnownCameras {
@@ -64,6 +70,7 @@ class KnownCameras {
   KnownCamera& get(const Camera& camera, int number, int texels);
   // Whether all that any camera showed, also of those that were forgotten, is in an assumed scale.
   bool any_assumed() const;
+  bool any_brackets() const;
 
  private:
   std::vector<KnownCamera> perspective_, wide_;

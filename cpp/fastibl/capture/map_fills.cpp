@@ -15,20 +15,14 @@ namespace {
 constexpr double kRefillTime = 0.3, kLeastRefill = 1 / 32.0;
 constexpr float kSmallRefill = 0.05f;  // relative change that may take kSmallLater times as long
 constexpr int kSmallLater = 12;
-constexpr int kPicturesPerFill = 2;   // between updates of what unseen tiles should hold
-constexpr float kOtherScale = 0.5f;   // change of a prior map's brightness that is shown at once
-constexpr float kMovedBoost = 0.02f;  // share by which factors move before maps show it
-
-bool moved(const glm::vec3& from, const glm::vec3& to) {
-  const glm::vec3 difference = glm::abs(to - from), limit = kMovedBoost * from;
-  return difference.x > limit.x || difference.y > limit.y || difference.z > limit.z;
-}
+constexpr int kPicturesPerFill = 2;  // between updates of what unseen tiles should hold
+constexpr float kOtherScale = 0.5f;  // change of a prior map's brightness that is shown at once
 
 }  // namespace
 
 MapFills::MapFills(const CaptureOptions& options, MapTiles& map)
     : plane_albedo_(float(options.plane_albedo)),
-      most_boost_(options.most_boost),
+      clipped_(map.grid()),
       unseen_(map.grid(), plane_albedo_),
       filled_(std::size_t(map.grid().count())),
       stale_fill_(std::size_t(map.grid().count()), 0) {
@@ -73,10 +67,10 @@ void MapFills::take(const std::vector<int>& changed, int refills,
   std::vector<int> refilled, boosted;
   last_taken_ = time;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
+  if (plane_irradiance) boosted = weigh_bounds(*plane_irradiance, map);
   const bool unmatched = prior_ && !prior_->matched();
   if (refills == all || unmatched || ++pictures_ % kPicturesPerFill == 0) {
     if (prior_ && match_prior(plane_irradiance, map, refilled)) refills = all;
-    if (most_boost_ > 1 && plane_irradiance) boosted = boost_lights(*plane_irradiance, map);
     unseen_.update(new_sums_, map.sums, map.geometry.tile_projected, time, refills == all,
                    refilled);
     new_sums_.clear();
@@ -117,6 +111,7 @@ void MapFills::renew(double time, MapTiles& map) {
   std::vector<int> all(std::size_t(map.grid().count())), refilled;
   std::iota(all.begin(), all.end(), 0);
   new_sums_.clear();
+  clipped_.forget(map);
   unseen_.update(all, map.sums, map.geometry.tile_projected, time, true, refilled);
   for (const int tile : all)
     if (!refill(tile, map)) map.make_levels(tile);
@@ -179,24 +174,15 @@ bool MapFills::match_prior(const std::optional<glm::dvec3>& plane_irradiance, co
   return moved > kOtherScale;
 }
 
-std::vector<int> MapFills::boost_lights(const glm::dvec3& plane_irradiance, MapTiles& map) {
-  BoundLight bounds;
-  std::vector<int> shown;
-  const TileGeometry& geometry = map.geometry;
-  for (int tile = 0; tile < map.grid().count(); ++tile) {
-    if (!map.has_bounds(tile)) continue;
-    bounds += sum_bounds(map.state, geometry.start(tile), geometry.texels(tile),
-                         geometry.projected(tile));
-    shown.push_back(tile);
-  }
+std::vector<int> MapFills::weigh_bounds(const glm::dvec3& plane_irradiance, MapTiles& map) {
+  if (!map.any_bounds() && clipped_.weighed() == 0) return {};
   // The unseen light may be brighter by as much again, or not there.
   const glm::dvec3 unseen = sky_irradiance(map), unsure = kMeterDeviation * plane_irradiance;
-  const LightBoost boost = boost_of(bounds, plane_irradiance - map.seen_sky_irradiance() - unseen,
-                                    glm::sqrt(unseen * unseen + unsure * unsure), most_boost_);
+  const MissingLight missing{plane_irradiance - map.seen_sky_irradiance() - unseen,
+                             glm::sqrt(unseen * unseen + unsure * unsure), map.seen_sky_share()};
+  const std::vector<int> shown = clipped_.weigh(missing, most_boost_, map);
   // No light is counted twice: only the rest may be in what was not seen.
-  unseen_.measure_plane(plane_irradiance - added(boost, bounds), unsure);
-  if (!moved(map.boost.whole, boost.whole) && !moved(map.boost.part, boost.part)) return {};
-  map.boost = boost;
+  unseen_.measure_plane(plane_irradiance - clipped_.added(), unsure);
   return shown;
 }
 

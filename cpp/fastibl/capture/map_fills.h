@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "fastibl/capture/capture_options.h"
+#include "fastibl/capture/clipped_lights.h"
 #include "fastibl/capture/map_tiles.h"
 #include "fastibl/capture/prior_map.h"
 #include "fastibl/capture/unseen.h"
@@ -32,6 +33,10 @@ class MapFills {
 
   // For when the board's white was read.
   void measure_plane(const glm::dvec3& irradiance);
+  // Lights that clip in the shortest exposure may be made brighter by this factor, 1: not at all.
+  void boost_up_to(double most) { most_boost_ = most; }
+  bool boosts() const { return most_boost_ > 1; }
+  const ClippedLights& clipped_lights() const { return clipped_; }
   // How many tiles may get new values for their unseen texels, if a picture is taken at `time`.
   // still: pictures without times of their own, no film.
   int refills_after(double time, bool still) const;
@@ -56,11 +61,13 @@ class MapFills {
   // True if all is to be refilled at once. Appends the tiles whose fill changed.
   bool match_prior(const std::optional<glm::dvec3>& plane_irradiance, const MapTiles& map,
                    std::vector<int>& refilled);
-  // Makes lights that clip as bright as the plane shows them; returns the tiles that show it.
-  std::vector<int> boost_lights(const glm::dvec3& plane_irradiance, MapTiles& map);
+  // Learns how bright lights that clip may be, as the plane shows it, and makes them so if they may
+  // be boosted; returns the tiles that show it.
+  std::vector<int> weigh_bounds(const glm::dvec3& plane_irradiance, MapTiles& map);
 
   float plane_albedo_;
-  double most_boost_;
+  double most_boost_ = 1;
+  ClippedLights clipped_;
   UnseenTiles unseen_;
   std::optional<PriorMap> prior_;
   std::vector<int> sky_;                  // tiles above the horizon, where there is a prior

@@ -33,8 +33,8 @@ MapShares shares_of(const MapTiles& map, const MapFills& fills) {
     up += map.geometry.tile_angle[i], up_seen += s.angle;
     bound_flux += s.bound_flux, up_flux += all;
   }
-  const glm::dvec3 more = map.boosted_flux();
-  const double boosted = more.x + more.y + more.z;
+  const ClippedLights& lights = fills.clipped_lights();
+  const double boosted = lights.boosted(), doubt = lights.doubt();
   flux += boosted, up_flux += boosted;
   MapShares shares;
   shares.coverage = seen / (4 * std::numbers::pi);
@@ -44,6 +44,9 @@ MapShares shares_of(const MapTiles& map, const MapFills& fills) {
   knowledge.unseen_flux = flux > 0 ? unseen / flux : 1;
   knowledge.guessed_plane = flux > 0 ? little_of(plane_seen) * plane_unseen / flux : 0;
   knowledge.bound_flux = up_flux > 0 ? bound_flux / up_flux : 0;
+  knowledge.weighed_flux = up_flux > 0 && fills.boosts() ? lights.weighed() / up_flux : 0;
+  knowledge.weighed_spread = lights.spread();
+  knowledge.bound_doubt = doubt > 0 ? doubt / (up_flux + doubt) : 0;
   knowledge.prior_flux = flux > 0 ? from_prior / flux : 0;
   knowledge.boosted_flux = up_flux > 0 ? boosted / up_flux : 0;
   return shares;

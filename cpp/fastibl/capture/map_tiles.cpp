@@ -10,8 +10,15 @@ MapTiles::MapTiles(TileGrid grid)
       state(grid),
       sums(std::size_t(grid.count())),
       versions(std::size_t(grid.count()), new_tile_version()),
+      boosts(std::size_t(grid.count())),
       pyramids(grid),
       quiet(grid) {}
+
+bool MapTiles::any_bounds() const {
+  for (int tile = 0; tile < grid().count(); ++tile)
+    if (has_bounds(tile)) return true;
+  return false;
+}
 
 glm::dvec3 MapTiles::seen_sky_irradiance() const {
   glm::dvec3 sum(0);
@@ -20,13 +27,14 @@ glm::dvec3 MapTiles::seen_sky_irradiance() const {
   return sum;
 }
 
-glm::dvec3 MapTiles::boosted_flux() const {
-  BoundLight bounds;
-  for (int tile = 0; boost.any() && tile < grid().count(); ++tile)
-    if (has_bounds(tile))
-      bounds +=
-          sum_bounds(state, geometry.start(tile), geometry.texels(tile), geometry.angles(tile));
-  return added(boost, bounds);
+double MapTiles::seen_sky_share() const {
+  double seen = 0, sky = 0;
+  for (int tile = 0; tile < grid().count(); ++tile) {
+    if (!above(tile)) continue;
+    const std::size_t i = std::size_t(tile);
+    seen += sums[i].projected, sky += geometry.tile_projected[i];
+  }
+  return seen / sky;
 }
 
 std::vector<double> MapTiles::last_seen() const {
@@ -45,9 +53,10 @@ std::vector<double> MapTiles::last_seen() const {
 
 std::array<const float*, 3> MapTiles::shown_texels(int tile, std::vector<float>& room) const {
   const std::size_t stride = std::size_t(grid().stride()), start = geometry.start(tile);
-  if (!boost.any() || !has_bounds(tile))
+  if (!has_bounds(tile) || !boosts[std::size_t(tile)].any())
     return {&state.value[0][start], &state.value[1][start], &state.value[2][start]};
-  room = boosted(boost, state, start, geometry.texels(tile), grid().stride());
+  room = boosted(boosts[std::size_t(tile)], state, start, geometry.texels(tile),
+                 geometry.angles(tile), geometry.projected(tile), grid().stride());
   return {&room[0], &room[stride], &room[2 * stride]};
 }
 

@@ -27,8 +27,9 @@ struct MapTiles {
   }
   // Whether the tile shows light that clips, which may be boosted.
   bool has_bounds(int tile) const { return above(tile) && sums[std::size_t(tile)].bound_angle > 0; }
+  bool any_bounds() const;
   glm::dvec3 seen_sky_irradiance() const;  // of the plane
-  glm::dvec3 boosted_flux() const;         // what the boost adds to the light
+  double seen_sky_share() const;           // of the sky, by what it lights of the plane
   std::vector<double> last_seen() const;   // 6 n²: seconds; −∞ if never
 
   // The tile's texels by channel, as maps have them; boosted ones are written to `room`.
@@ -46,7 +47,7 @@ struct MapTiles {
   TexelState state;
   std::vector<TileSums> sums;           // by tile
   std::vector<std::uint64_t> versions;  // by tile, as the map's
-  LightBoost boost;
+  std::vector<LightBoost> boosts;       // by tile
   TilePyramids pyramids;
   QuietTiles quiet;
 };

@@ -185,6 +185,7 @@ bool PictureTaker::add_tile(int tile) {
   const std::size_t start = map_.geometry.start(tile);
   Sightings sightings;
   Samples samples;
+  samples.shortest = how_.shortest;
   const TexelView& texels = bands_.texels(tile);
   const bool keep_seen = !how_.plane && views_.plane_seen[std::size_t(tile)];
   bool any = false, whole = true, rim = false;

@@ -25,6 +25,7 @@ struct Taking {
   double time;    // seconds
   double bright;  // radiance of what is a light
   bool plane;     // whether the camera's place is known
+  bool shortest;  // whether what clips in it clips in every exposure
 };
 
 // For one picture; what it is given must outlive it.

@@ -205,8 +205,20 @@ FASTIBL_CLONES int split_bounds(const std::uint8_t* __restrict bits, int lanes,
 FASTIBL_CLONES void join_bounds(const int (*__restrict bounds)[kTexelLanes], int lanes,
                                 std::uint8_t* __restrict bits) {
   const int n = lanes & ~15;
-  for (int i = 0; i < n; ++i)
-    bits[i] = std::uint8_t(bounds[0][i] | bounds[1][i] << 1 | bounds[2][i] << 2);
+  for (int i = 0; i < n; ++i) {
+    const int any = bounds[0][i] | bounds[1][i] << 1 | bounds[2][i] << 2;
+    bits[i] = std::uint8_t(any ? any | (bits[i] & kClipsInAll) : 0);
+  }
+}
+
+FASTIBL_CLONES void mark_clipped(const Samples& samples, const int* __restrict seen, int lanes,
+                                 std::uint8_t* __restrict bits) {
+  const int n = lanes & ~15;
+  for (int i = 0; i < n; ++i) {
+    const int clips =
+        (samples.clipped[0][i] | samples.clipped[1][i] | samples.clipped[2][i]) & seen[i];
+    bits[i] = std::uint8_t(clips && bits[i] ? bits[i] | kClipsInAll : bits[i]);
+  }
 }
 
 // Variance of a texel over RGB, relative to the square of its value.
@@ -334,6 +346,8 @@ void merge_samples(TexelState& state, std::size_t first, int count, const Sighti
       compare_clipped(in, &state.value[c][first], &state.variance[c][first], bounds[c], unsure);
   }
   if (bounded || samples.any_clipped) join_bounds(bounds, lanes, &state.bound[first]);
+  if (samples.any_clipped && samples.shortest)
+    mark_clipped(samples, sightings.seen, lanes, &state.bound[first]);
 }
 
 void distrust(TexelState& state, double share) {

@@ -11,6 +11,9 @@
 
 namespace fastibl {
 
+// Of TexelState::bound: a picture with its camera's shortest exposure clipped there, too.
+inline constexpr std::uint8_t kClipsInAll = 8;
+
 // Arrays by tile: texel k of tile t at t · stride + k.
 struct TexelState {
   explicit TexelState(TileGrid grid) : last_seen(grid) {
@@ -20,7 +23,7 @@ struct TexelState {
     relative.assign(count, 0);
   }
   std::vector<float> value[3], variance[3];
-  std::vector<std::uint8_t> bound;      // bit c: channel c is only a lower bound
+  std::vector<std::uint8_t> bound;      // bit c: channel c is only a lower bound; and kClipsInAll
   std::vector<std::uint16_t> relative;  // variance as an Environment has it
   TexelTimes last_seen;                 // seconds; −∞ if never
 };
@@ -31,6 +34,7 @@ struct Samples {
   alignas(64) float radiance_per_linear[kTexelLanes];
   alignas(64) int clipped[3][kTexelLanes];  // 0 or 1: more than a share of the footprint clips
   bool any_clipped = false;
+  bool shortest = false;  // whether what clips here clips in every exposure
   // By how much a sample may differ from one whose footprint lies half a texel aside; valid if
   // `fine`, for groups that are read more finely.
   alignas(64) float spread[3][kTexelLanes];

@@ -48,7 +48,7 @@ struct SessionOptions {
   bool follow_surroundings = true;
   std::shared_ptr<const CubeMap> prior = {};  // CaptureOptions::prior, and
   double paper_albedo = 0.85;                 // its paper_albedo
-  double most_boost = 1;                      // its most_boost
+  std::optional<double> most_boost = {};      // its most_boost
   // Whether the methods also change when frames take longer than `milliseconds`, or much less.
   bool adapt = true;
   Costs costs = {};      // of this machine, see measure_costs.h; used for `milliseconds` alone

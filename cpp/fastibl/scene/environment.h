@@ -73,13 +73,16 @@ struct MapKnowledge {
   // a sliver shows.
   double guessed_plane = 0;
   double bound_flux = 0;  // share of the light above the horizon that is only a lower bound
+  // The part of that which clips in the shortest exposure, and was compared with the plane's light.
+  double weighed_flux = 0;
+  double weighed_spread = 0;  // how far apart that is: 1 − length of its mean direction by light
+  double bound_doubt = 0;     // share of the light that lower bounds may lack still
   // Estimated share of the irradiance that is misplaced because near things are taken for far ones.
   double parallax = 0;
   double parallax_doubt = 0;  // may be misplaced as well: little was seen of how near things are
   double prior_flux = 0;      // share of the light that comes from an earlier map
   double boosted_flux = 0;    // share of the light above the horizon that clipped and was restored
   bool metered = false;       // the light that falls on the plane was measured
-  bool weighed = false;       // lower bounds were compared with that
   // Relative error of all light where no exposure was told, as far as the plane shows it.
   double scale = 0;
 };

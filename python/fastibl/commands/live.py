@@ -109,9 +109,9 @@ def _add_light(p: argparse._ArgumentGroup) -> None:
     p.add_argument(
         "--most-boost",
         type=positive,
-        default=1.0,
         metavar="FACTOR",
-        help="for constant exposures: most that clipped light is made brighter by the board's white (default: 1)",
+        help="most that light that clips in the shortest exposure is made brighter by the board's white (default: "
+        "10000 with several exposures, 1 with one)",
     )
 
 
