@@ -4,6 +4,7 @@
 ./dev bench lighting real     some of them
 ./dev bench shadow-pictures   docs/shadow.md and its pictures, which `all` leaves as they are
 ./dev bench plan-pictures     the picture of docs/plan.md, likewise
+./dev bench capture-pictures  the picture of docs/capture.md, likewise
 ./dev bench live-pictures     those of docs/live.md, likewise
 ./dev bench program-pictures  those of docs/program.md, likewise
 ./dev bench report-pictures   the plots and the picture of reports in the documents, likewise
@@ -25,6 +26,7 @@ from .plot import plot
 PICTURES = {
     "shadow-pictures": "bench.shadows.pictures",
     "plan-pictures": "bench.plan.pictures",
+    "capture-pictures": "bench.capture.pictures",
     "live-pictures": "bench.live_pictures",
     "program-pictures": "bench.program_pictures",
     "report-pictures": "bench.report_pictures",
