@@ -177,6 +177,7 @@ def test_what_a_shorter_exposure_shows_is_not_boosted():
     light = place()
     a, b = (captured(light, exposures=(1.0, 1 / 128), most_boost=m) for m in (1.0, 1000.0))
     assert a.clipped == b.clipped == 0 and (a.radiance.faces == b.radiance.faces).all()
+    assert a.knowledge["bound_doubt"] == b.knowledge["weighed_flux"] == 0
 
 
 def test_a_channel_that_clips_alone():

@@ -71,6 +71,7 @@ std::vector<ClippedLights::TileBounds> ClippedLights::bounds_of(const MapTiles& 
 
 std::vector<int> ClippedLights::weigh(const MissingLight& missing, double most, MapTiles& map) {
   const std::vector<TileBounds> bounds = bounds_of(map);
+  any_ = !bounds.empty();
   // What slopes of 1 add: to the irradiance of the plane, and to the flux.
   BoundSum irradiance, flux;
   glm::dvec3 towards(0);
@@ -117,7 +118,7 @@ std::vector<int> ClippedLights::weigh(const MissingLight& missing, double most, 
 
 void ClippedLights::forget(MapTiles& map) {
   std::fill(map.boosts.begin(), map.boosts.end(), LightBoost{});
-  added_ = glm::dvec3(0), weighed_ = boosted_ = doubt_ = spread_ = 0;
+  any_ = false, added_ = glm::dvec3(0), weighed_ = boosted_ = doubt_ = spread_ = 0;
 }
 
 }  // namespace fastibl

@@ -32,6 +32,7 @@ class ClippedLights {
   std::vector<int> weigh(const MissingLight& missing, double most, MapTiles& map);
   void forget(MapTiles& map);  // for when nothing is known of the plane's light, or of its tiles
 
+  bool any() const { return any_; }  // whether there were lower bounds when they were weighed
   const glm::dvec3& added() const { return added_; }  // to the plane's irradiance
   // Flux, summed over RGB: of what may be boosted, what that adds, and what the plane's light
   // allows to be missing in lower bounds still, one standard deviation.
@@ -52,6 +53,7 @@ class ClippedLights {
   std::vector<TileBounds> bounds_of(const MapTiles& map) const;
 
   TileMeetings meetings_;
+  bool any_ = false;
   glm::dvec3 added_{0};
   double weighed_ = 0, boosted_ = 0, doubt_ = 0, spread_ = 0;
 };

@@ -175,7 +175,7 @@ bool MapFills::match_prior(const std::optional<glm::dvec3>& plane_irradiance, co
 }
 
 std::vector<int> MapFills::weigh_bounds(const glm::dvec3& plane_irradiance, MapTiles& map) {
-  if (!map.any_bounds() && clipped_.weighed() == 0) return {};
+  if (!map.any_bounds() && !clipped_.any()) return {};
   // The unseen light may be brighter by as much again, or not there.
   const glm::dvec3 unseen = sky_irradiance(map), unsure = kMeterDeviation * plane_irradiance;
   const MissingLight missing{plane_irradiance - map.seen_sky_irradiance() - unseen,
