@@ -17,7 +17,7 @@ from fastibl.recording import truth_of
 from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .predicted import BANDS, TUNED
-from .recordings import FRESH, ROOM, Stated, recorded
+from .recordings import FRESH, ROOM, Stated, every_place, recorded
 from .sweep import mean_error
 
 MOST = 1000.0  # times the value that clipped
@@ -139,7 +139,7 @@ def boost() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped(what, inputs.NO_MAPS)
         return
-    places = [*inputs.MAPS, ROOM, *([FRESH] if inputs.SUN_MAP.is_file() else [])]
+    places = every_place()
     for brighter in _ALL:
         notes, ends = _row(places, brighter)
         clipped, ours = (np.array([pair[k].error for pair in ends.values()]) for k in (0, 1))
@@ -196,7 +196,7 @@ def bracket() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped(what, inputs.NO_MAPS)
         return
-    places = [*inputs.MAPS, ROOM, *([FRESH] if inputs.SUN_MAP.is_file() else [])]
+    places = every_place()
     ends = {p: [moments(p, _ALL[0], "sweep", 0, most, Alternate)[-1] for most in (1.0, None)] for p in places}
     clip = {p: pair for p, pair in ends.items() if pair[0].clipped > 0}
     before, after = (np.array([pair[k].mean for pair in clip.values()]) for k in (0, 1))

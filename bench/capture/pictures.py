@@ -1,5 +1,5 @@
 """A sun that clips in both exposures of the front camera, by `./dev bench capture-pictures`: its light as the lower
-bound that the pictures show, as the board's white says, and the true map; with the shadow, cropped and enlarged."""
+bound that the pictures show, as the board's white says, and the true map; cropped."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fastibl.recording import truth_of
 from .. import inputs
 from ..measure import ROOT
 from .boost import Alternate, one_exposure, true_map
-from .recordings import FRESH, recorded
+from .recordings import FRESH, sweep_film
 
 OUT = ROOT / "docs" / "images" / "capture-sun.jpg"
 
@@ -32,18 +32,8 @@ def last_picture(film: fastibl.Recording, **options) -> NDArray[np.uint8]:
 
 
 def main() -> list[Path]:
-    film = recorded(
-        FRESH,
-        seconds=6,
-        fps=10,
-        seed=0,
-        size=(640, 480),
-        position=inputs.OBJECT,
-        path="sweep",
-        hand=False,
-        lamp=False,
-        front_exposures=Alternate(0.5 * one_exposure(true_map(FRESH))),
-    )
+    alternate = Alternate(0.5 * one_exposure(true_map(FRESH)))
+    film = sweep_film(FRESH, seconds=6, fps=10, seed=0, size=(640, 480), front_exposures=alternate)
     shown = [last_picture(film, most_boost=most) for most in (1.0, None)]
     shown.append(last_picture(film, environment=truth_of(film).environment(0.0)))
     strip = np.concatenate([s[:, 120:560] for s in shown], axis=1)

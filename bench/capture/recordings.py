@@ -43,6 +43,11 @@ class LitRoom(room.Room):
         return super().radiance(position, directions, True, unit)
 
 
+def every_place() -> list[str]:
+    """The maps, the room, and the place with a sun, as far as they are there."""
+    return [*inputs.MAPS, ROOM, *([FRESH] if inputs.SUN_MAP.is_file() else [])]
+
+
 def recorded(place: str, **options) -> fastibl.Recording:
     """fastibl.simulate(...) in a place given by name; kept by its options and by the sources that make it."""
     path = {ROOM: None, LIT_ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))

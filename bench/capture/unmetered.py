@@ -17,7 +17,7 @@ from .. import inputs
 from ..goals import Goal, percent, row, skipped
 from .boost import Same, one_exposure, true_map
 from .predicted import BANDS
-from .recordings import FRESH, ROOM, Stated, recorded
+from .recordings import FRESH, Stated, every_place, recorded
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def unmetered() -> Iterator[Goal]:
     if not inputs.MAPS:
         yield skipped(what, inputs.NO_MAPS)
         return
-    places = [*inputs.MAPS, ROOM, *([FRESH] if inputs.SUN_MAP.is_file() else [])]
+    places = every_place()
     for kind in KINDS:
         films = {(p, path): moments(p, path, kind) for p in places for path in ("sweep", "hand")}
         every = [m for film in films.values() for m in film]

@@ -79,16 +79,14 @@ std::optional<double> AssumedScale::mending(double share, double factor, bool fo
 
 void AssumedScale::mend(MapTiles& map, const glm::dvec3& plane_irradiance, double time,
                         std::vector<int>& changed) {
-  double known = 0, assumed = 0, seen = 0, sky = 0;
+  double known = 0, assumed = 0;
   for (int tile = 0; tile < map.grid().count(); ++tile) {
     if (!map.above(tile)) continue;
     const std::size_t i = std::size_t(tile);
-    const TileSums& sums = map.sums[i];
-    sky += map.geometry.tile_projected[i], seen += sums.projected;
-    (scales_[i] > 0 ? assumed : known) += grey(sums.irradiance);
+    (scales_[i] > 0 ? assumed : known) += grey(map.sums[i].irradiance);
   }
   if (!(assumed > 0)) return;
-  const double share = seen / sky;
+  const double share = map.seen_sky_share();
   const double factor = (share * grey(plane_irradiance) - known) / assumed;
   if (!(factor > 0) || !std::isfinite(factor)) return;
   const std::optional<double> mend = mending(share, factor, assumed >= known, time);

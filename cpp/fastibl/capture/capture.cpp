@@ -84,7 +84,8 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
 }
 
 bool Capture::clips_in_all(const Taken& taken, KnownCamera& known) const {
-  return known.is_shortest(taken.exposure) && (options_.most_boost || known.brackets());
+  const bool shortest = known.note_exposure(taken.exposure);
+  return shortest && (options_.most_boost || known.brackets());
 }
 
 double Capture::most_boost() const {

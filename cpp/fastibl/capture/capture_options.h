@@ -33,7 +33,7 @@ struct CaptureOptions {
   bool doubt_exposures = false;
   // Texels above the horizon that clip in a camera's shortest exposure are made brighter, by at
   // most this factor, until the map lights the plane as the board's white shows it; 1: not at all.
-  // std::nullopt: with cameras that bracket, for which only a sun is left. See boost_of().
+  // std::nullopt: with cameras that bracket, for which only a sun is left. See ClippedLights.
   std::optional<double> most_boost;
   double paper_albedo = 0.85;  // of the board's white, which serves as a light meter
   double plane_albedo = 0.5;   // of the plane where no camera saw it: radiance albedo · E(z)/π

@@ -1,8 +1,8 @@
 #include "fastibl/capture/clipped_lights.h"
 
 #include <algorithm>
-#include <numeric>
 
+#include "fastibl/core/disjoint_sets.h"
 #include "fastibl/scene/tile_cone.h"
 
 namespace fastibl {
@@ -44,26 +44,20 @@ std::vector<ClippedLights::TileBounds> ClippedLights::bounds_of(const MapTiles& 
                                  geometry.angles(tile), geometry.projected(tile)),
                       0});
   }
-  std::vector<int> root(bounds.size());
-  std::iota(root.begin(), root.end(), 0);
-  const auto root_of = [&](int i) {
-    while (root[std::size_t(i)] != i)
-      i = root[std::size_t(i)] = root[std::size_t(root[std::size_t(i)])];
-    return i;
-  };
+  DisjointSets lights(bounds.size());
   for (std::size_t i = 0; i < bounds.size(); ++i)
     for (const int corner : {0, 2, 6, 8})
       for (const int other : meetings_.at(bounds[i].tile, corner)) {
         const int j = at[std::size_t(other)];
-        if (j >= 0) root[std::size_t(root_of(j))] = root_of(int(i));
+        if (j >= 0) lights.join(int(i), j);
       }
   std::vector<double> flux(bounds.size()), plane(bounds.size());
   for (std::size_t i = 0; i < bounds.size(); ++i) {
-    const auto r = std::size_t(root_of(int(i)));
+    const auto r = std::size_t(lights.lowest(int(i)));
     flux[r] += sum(bounds[i].light.flux.all()), plane[r] += sum(bounds[i].light.plane.all());
   }
   for (std::size_t i = 0; i < bounds.size(); ++i) {
-    const auto r = std::size_t(root_of(int(i)));
+    const auto r = std::size_t(lights.lowest(int(i)));
     bounds[i].cosine = flux[r] > 0 ? plane[r] / flux[r] : 0;
   }
   return bounds;

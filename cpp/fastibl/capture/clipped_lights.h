@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "fastibl/capture/boost_lights.h"
+#include "fastibl/capture/clipped_texels.h"
 #include "fastibl/capture/fill_patch.h"
 #include "fastibl/capture/map_tiles.h"
 #include "fastibl/core/vector.h"

@@ -23,7 +23,7 @@ KnownCamera::KnownCamera(const Camera& camera, int number, int texels)
   for (const WideSide& side : wide_) sides_.emplace_back(side.camera, side.vignette).of_wide = true;
 }
 
-bool KnownCamera::is_shortest(double exposure) {
+bool KnownCamera::note_exposure(double exposure) {
   shortest_ = std::min(shortest_, exposure), longest_ = std::max(longest_, exposure);
   return exposure <= kSameExposure * shortest_;
 }
@@ -51,16 +51,18 @@ KnownCamera& KnownCameras::get(const Camera& camera, int number, int texels) {
   return known;
 }
 
+template <class Is>
+bool KnownCameras::any(const Is& is) const {
+  return std::any_of(perspective_.begin(), perspective_.end(), is) ||
+         std::any_of(wide_.begin(), wide_.end(), is);
+}
+
 bool KnownCameras::any_assumed() const {
-  const auto is_assumed = [](const KnownCamera& known) { return known.doubt.assumed(); };
-  return forgot_assumed_ || std::any_of(perspective_.begin(), perspective_.end(), is_assumed) ||
-         std::any_of(wide_.begin(), wide_.end(), is_assumed);
+  return forgot_assumed_ || any([](const KnownCamera& known) { return known.doubt.assumed(); });
 }
 
 bool KnownCameras::any_brackets() const {
-  const auto brackets = [](const KnownCamera& known) { return known.brackets(); };
-  return std::any_of(perspective_.begin(), perspective_.end(), brackets) ||
-         std::any_of(wide_.begin(), wide_.end(), brackets);
+  return any([](const KnownCamera& known) { return known.brackets(); });
 }
 
 }  // namespace fastibl

@@ -50,8 +50,8 @@ class KnownCamera {
   ExposureDoubt doubt;
   bool metered = false;  // whether the board's white was read in its pictures
 
-  // For a picture with this exposure. True if none was much shorter: what clips here will clip.
-  bool is_shortest(double exposure);
+  // For when a picture had this exposure. True if none was much shorter: what clips here will clip.
+  bool note_exposure(double exposure);
   bool brackets() const;  // whether its exposures differ by steps of a bracket
 
  private:
@@ -73,6 +73,9 @@ class KnownCameras {
   bool any_brackets() const;
 
  private:
+  template <class Is>
+  bool any(const Is& is) const;
+
   std::vector<KnownCamera> perspective_, wide_;
   std::int64_t used_ = 0;        // pictures
   int known_ = 0;                // cameras so far

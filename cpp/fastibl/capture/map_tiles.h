@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "fastibl/capture/boost_lights.h"
+#include "fastibl/capture/clipped_texels.h"
 #include "fastibl/capture/quiet_tiles.h"
 #include "fastibl/capture/texel_state.h"
 #include "fastibl/capture/tile_geometry.h"

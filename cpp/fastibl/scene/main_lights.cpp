@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/disjoint_sets.h"
 
 namespace fastibl {
 namespace {
@@ -15,23 +15,6 @@ constexpr int kWorkSize = 64, kSumsSize = 32;
 constexpr double kSamePlace = 0.05;  // radians between a light and where it was triangulated
 
 double brightness(glm::vec3 v) { return (double(v.x) + v.y + v.z) / 3; }
-
-// Sets of texels, joined as they are found to touch.
-class Sets {
- public:
-  explicit Sets(std::size_t count) : parents_(count) {
-    std::iota(parents_.begin(), parents_.end(), 0);
-  }
-  int root(int i) {
-    while (parents_[std::size_t(i)] != i)
-      i = parents_[std::size_t(i)] = parents_[std::size_t(parents_[std::size_t(i)])];
-    return i;
-  }
-  void join(int a, int b) { parents_[std::size_t(root(a))] = root(b); }
-
- private:
-  std::vector<int> parents_;
-};
 
 struct Texels {
   int size;
@@ -63,8 +46,8 @@ struct Texels {
   }
 };
 
-Sets connected(const Texels& texels) {
-  Sets sets(texels.at.size());
+DisjointSets connected(const Texels& texels) {
+  DisjointSets sets(texels.at.size());
   for (std::size_t k = 0; k < texels.at.size(); ++k) {
     const int i = texels.at[k], face = texels.face(i), x = texels.column(i), y = texels.row(i);
     for (int dy = -1; dy <= 1; ++dy)
@@ -102,18 +85,18 @@ std::vector<MainLight> main_lights(const CubeMap& map, const MainLightOptions& o
   const glm::dvec3 mean = level.mean();
   const Texels texels(level, options.brightness * (mean.x + mean.y + mean.z) / 3);
   if (texels.at.empty()) return {};
-  Sets sets = connected(texels);
+  DisjointSets sets = connected(texels);
 
   struct Region {
     glm::dvec3 middle{0}, irradiance{0};
     double solid_angle = 0;
   };
-  std::vector<Region> regions(texels.at.size());  // at the root of each set
+  std::vector<Region> regions(texels.at.size());  // at the lowest of each set
   const std::vector<double> angles = texel_solid_angles(texels.size);
   const auto each = [&](auto&& use) {
     for (std::size_t k = 0; k < texels.at.size(); ++k) {
       const int i = texels.at[k], face = texels.face(i), x = texels.column(i), y = texels.row(i);
-      use(regions[std::size_t(sets.root(int(k)))],
+      use(regions[std::size_t(sets.lowest(int(k)))],
           glm::dvec3(glm::normalize(texel_direction(face, x, y, texels.size))),
           glm::dvec3(level.texel(face, x, y)), angles[std::size_t(y * texels.size + x)]);
     }

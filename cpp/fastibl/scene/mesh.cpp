@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <utility>
 
 #include "fastibl/core/check.h"
+#include "fastibl/core/disjoint_sets.h"
 
 namespace fastibl {
 namespace {
@@ -81,26 +81,6 @@ std::vector<int> places_of(const Mesh& mesh) {
 
 namespace {
 
-// The connected parts of a mesh, by their lowest place.
-class Parts {
- public:
-  explicit Parts(std::size_t places) : above_(places) {
-    std::iota(above_.begin(), above_.end(), 0);
-  }
-  int of(int place) {
-    while (above_[std::size_t(place)] != place)  // halves the path for the next
-      place = above_[std::size_t(place)] = above_[std::size_t(above_[std::size_t(place)])];
-    return place;
-  }
-  void join(int a, int b) {
-    a = of(a), b = of(b);
-    above_[std::size_t(std::max(a, b))] = std::min(a, b);
-  }
-
- private:
-  std::vector<int> above_;
-};
-
 // Six times the volume that a triangle spans with the middle of its mesh; below 0 where the
 // triangle's front faces that middle.
 class SixVolumes {
@@ -134,13 +114,13 @@ bool is_closed(const Mesh& mesh) {
 bool faces_outwards(const Mesh& mesh) {
   mesh.validate();
   const std::vector<int> place = places_of(mesh);
-  Parts parts(place.size());
+  DisjointSets parts(place.size());  // that are connected
   for (const glm::ivec3& t : mesh.triangles)
     for (int k = 1; k < 3; ++k) parts.join(place[std::size_t(t[0])], place[std::size_t(t[k])]);
   const SixVolumes volume(mesh);
   std::map<int, double> volumes;
   for (const glm::ivec3& t : mesh.triangles)
-    volumes[parts.of(place[std::size_t(t[0])])] += volume(t);
+    volumes[parts.lowest(place[std::size_t(t[0])])] += volume(t);
   return std::all_of(volumes.begin(), volumes.end(),
                      [](const auto& part) { return part.second >= 0; });
 }

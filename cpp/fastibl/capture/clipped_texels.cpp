@@ -1,4 +1,4 @@
-#include "fastibl/capture/boost_lights.h"
+#include "fastibl/capture/clipped_texels.h"
 
 namespace fastibl {
 namespace {
