@@ -8,6 +8,7 @@ from . import (  # noqa: F401
     frame,
     lamps,
     left_out,
+    near_lamps,
     promise,
     report,
     time_budget,

@@ -105,7 +105,7 @@ def true_light(name: str, light: str) -> NDArray[np.float64]:
 
 
 _FACING = 3.0  # what the lamp nearby gives at the map's centre to what faces it, by what the even light gives
-_NEAR = (0.4, 0.8)  # metres from there
+DISTANCES = (0.4, 0.8)  # metres from there
 _RADIUS = 0.03
 _TOWARDS = np.array([0.5, -0.45, 0.74]) / np.linalg.norm([0.5, -0.45, 0.74])
 
@@ -288,7 +288,7 @@ def near_lamp() -> Iterator[Goal]:
         return
     _, no_gl = gl_device()
     for k, (kind, material) in enumerate((("matte", MATTE), ("metal, exponent 64", METAL))):
-        for distance in _NEAR:
+        for distance in DISTANCES:
             error: dict[str, list[float]] = {}
             for name in MESHES:
                 near = NearLamp(name, distance)

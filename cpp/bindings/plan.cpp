@@ -175,8 +175,9 @@ void bind_making(py::module_& module) {
         if (budgets) {
           CandidateOptions from = candidate_options(scene, *light);
           from.light_stays = !capture, from.hurried = hurried, from.offline = offline;
-          judged.measured = measure_errors(scene, samples ? samples : scene.samples.get(), radiance,
-                                           methods, candidates(methods, from), cast_shadow);
+          judged.measured = measure_errors(scene, samples ? samples : scene.samples.get(),
+                                           {radiance, judged.lighting.near_lights}, methods,
+                                           candidates(methods, from), cast_shadow);
         }
         return judged;
       },
@@ -231,9 +232,9 @@ void bind_times(py::module_& module) {
         const WithoutGil release;
         const Methods methods;
         const ProcessorClock measuring;
-        const MeasuredErrors measured = measure_errors(
-            scene, scene.samples.get(), {environment, &environment->radiance}, methods,
-            candidates(methods, candidate_options(scene, *environment)), true);
+        const MeasuredErrors measured =
+            measure_errors(scene, scene.samples.get(), LightToJudge::of(environment), methods,
+                           candidates(methods, candidate_options(scene, *environment)), true);
         const double first = measuring.seconds();
         PlanOptions options;
         options.error = 0.02, options.measured = &measured;
@@ -262,8 +263,8 @@ void bind_errors(py::module_& module) {
           CandidateOptions from = candidate_options(scene, *environment);
           from.light_stays = true, from.offline = offline;
           errors = measure_errors(scene, samples ? samples : scene.samples.get(),
-                                  {environment, &environment->radiance}, methods,
-                                  candidates(methods, from), cast_shadow);
+                                  LightToJudge::of(environment), methods, candidates(methods, from),
+                                  cast_shadow);
         }
         const auto means = [](const std::vector<ErrorAlone>& alone) {
           std::vector<double> result;

@@ -327,36 +327,38 @@ TEST_CASE("methods are judged anew soon where a place is discovered, and seldom 
       faces.insert(faces.end(), 16 * 16, glm::vec3(f == 0 ? share : (1 - share) / 5));
     return std::make_shared<const Environment>(environment_from(CubeMap(16, faces)));
   };
+  const auto light = [&](float share) { return summary_of(map(share)->radiance); };
   MethodJudge judge;
   const auto judge_under = [&](float share) {
     const Methods asked;
-    judge.begin(given, map(share), asked, candidates(asked, {}), true);
+    judge.begin(given, LightToJudge::of(map(share)), light(share), asked, candidates(asked, {}),
+                true);
     CHECK(!judge.due());
     CHECK(judge.step(true));
   };
   // Frames until another judgement is due; -1 if none is.
   const auto frames_under = [&](float share, int most) {
-    const std::shared_ptr<const Environment> light = map(share);
     for (int k = 1; k <= most; ++k) {
-      judge.add_frame(&light->radiance);
+      judge.add_frame();
+      judge.follow(light(share));
       if (judge.due()) return k;
     }
     return -1;
   };
   CHECK(judge.due());
-  CHECK(judge.unjudged(map(0.5f)->radiance) == 0);  // nothing is measured yet
+  CHECK(judge.unjudged(light(0.5f)) == 0);  // nothing is measured yet
   judge_under(0.2f);
   CHECK(frames_under(0.24f, 100) == -1);
-  CHECK(judge.unjudged(map(0.24f)->radiance) == 0);
+  CHECK(judge.unjudged(light(0.24f)) == 0);
   CHECK(frames_under(0.5f, 1) == 1);
-  const double part = judge.unjudged(map(0.5f)->radiance);
+  const double part = judge.unjudged(light(0.5f));
   CHECK(part == doctest::Approx(0.6 / 1.3));
   // What is being measured is not known yet.
-  judge.begin(given, map(0.5f), {}, candidates({}, {}), true);
+  judge.begin(given, LightToJudge::of(map(0.5f)), light(0.5f), {}, candidates({}, {}), true);
   CHECK(!judge.step(false));
-  CHECK(judge.unjudged(map(0.5f)->radiance) == part);
+  CHECK(judge.unjudged(light(0.5f)) == part);
   while (!judge.step(false)) continue;
-  CHECK(judge.unjudged(map(0.5f)->radiance) == 0);
+  CHECK(judge.unjudged(light(0.5f)) == 0);
   bool other = true;
   for (const int wait : {8, 16, 32, 64, 64}) {
     CHECK(frames_under(other ? 0.2f : 0.5f, 100) == wait);

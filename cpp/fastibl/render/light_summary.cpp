@@ -3,13 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fastibl/scene/shared_formulas.h"
+
 namespace fastibl {
 namespace {
 
 constexpr int kCoarse = 16;             // texels along a face that light is summed over
 constexpr float kCompact = 8;           // times the mean radiance: above it, light is compact
 constexpr float kLittleChange = 0.25f;  // shares of the light
-constexpr float kOtherLight = 0.1f, kOtherCompactLight = 0.05f;
+constexpr float kOtherLight = 0.1f, kOtherCompactLight = 0.05f, kOtherNear = 0.1f;
 
 }  // namespace
 
@@ -29,6 +31,24 @@ LightSummary summary_of(const CubeMap& map) {
   const float texels = 6.0f * float(level.size()) * float(level.size());
   light.compact = all > 0 ? light.compact / (texels * all) : 0;
   return light;
+}
+
+float near_change(const CubeMap& map, const NearLights& near_lights, glm::vec3 place, float reach) {
+  constexpr float kClosest = 1e-3f;  // a place inside a light, by the light's distance
+  if (near_lights.empty()) return 0;
+  float changed = 0, all = 0;
+  for (const NearLight& light : near_lights.lights) {
+    const glm::vec3 arrow =
+        shared::near_arrow(light.direction, light.inverse_distance, place - near_lights.centre);
+    const float length = std::max(glm::length(arrow), kClosest);
+    const glm::vec3 here = arrow / (length * length * length);
+    const float facing = light.irradiance.x + light.irradiance.y + light.irradiance.z;
+    all += facing * glm::length(here);
+    changed += facing * (glm::length(here - light.direction) +
+                         2 * light.inverse_distance * reach / (length * length * length));
+  }
+  for (const glm::vec3& mean : summary_of(map).faces) all += kPi / 6 * (mean.x + mean.y + mean.z);
+  return all > 0 ? changed / all : 0;
 }
 
 bool has_light(const CubeMap& map) {
@@ -51,7 +71,8 @@ bool is_little_change(const LightSummary& a, const LightSummary& b) {
 }
 
 bool is_other_light(const LightSummary& a, const LightSummary& b) {
-  return difference(a, b) > kOtherLight || std::abs(a.compact - b.compact) > kOtherCompactLight;
+  return difference(a, b) > kOtherLight || std::abs(a.compact - b.compact) > kOtherCompactLight ||
+         std::abs(a.near - b.near) > kOtherNear;
 }
 
 }  // namespace fastibl

@@ -5,14 +5,21 @@
 
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/near_light.h"
 
 namespace fastibl {
 
 struct LightSummary {
   std::array<glm::vec3, 6> faces;  // mean radiances
   float compact = 0;               // share of all light that is far above the mean radiance
+  float near = 0;                  // see near_change(); 0 where no light is near
 };
 LightSummary summary_of(const CubeMap& map);
+
+// By how much the light within `reach` metres of a place is not what the map has, as its near
+// lights are elsewhere from there, and vary: as a share of all light there, up to 1 and its
+// variation.
+float near_change(const CubeMap& map, const NearLights& near_lights, glm::vec3 place, float reach);
 
 bool has_light(const CubeMap& map);
 
@@ -21,7 +28,7 @@ float difference(const LightSummary& a, const LightSummary& b);
 
 // Whether the maps are so alike that one may follow the other within a moment.
 bool is_little_change(const LightSummary& a, const LightSummary& b);
-// Whether what was measured under one map says little about the other. A small lamp hardly changes
+// Whether what was measured in one light says little about the other. A small lamp hardly changes
 // its face, but it changes the whole shadow.
 bool is_other_light(const LightSummary& a, const LightSummary& b);
 

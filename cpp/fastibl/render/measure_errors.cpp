@@ -8,9 +8,11 @@
 #include <optional>
 #include <utility>
 
+#include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/sample_shares.h"
 #include "fastibl/render/true_light.h"
+#include "fastibl/render/true_near.h"
 #include "fastibl/render/true_plane.h"
 #include "fastibl/shading/sample_cells.h"
 #include "fastibl/shading/shade.h"
@@ -261,9 +263,14 @@ void judge_plane(const Judged& j, const std::vector<PlaneRatios>& ratios, Measur
 
 }  // namespace
 
+LightToJudge LightToJudge::of(const std::shared_ptr<const Environment>& environment) {
+  return {{environment, &environment->radiance}, find_near_lights(*environment)};
+}
+
 struct ErrorMeasurement::Work {
   const SceneSamples& samples;
   const std::shared_ptr<const CubeMap> map;
+  NearLights near_lights;  // in the samples' frame
   const Material material;
   const Normalization normalization;
   const Candidates candidates;
@@ -273,19 +280,22 @@ struct ErrorMeasurement::Work {
 
   std::optional<SampleFlux> flux;
   std::optional<BrightPieces> bright;
+  std::optional<NearTruth> near_truth;
   std::optional<Judged> judged;
   LightingOptions plain;
-  Lighting reference, last;         // of the finest irradiance; the one whose chain the next reads
-  std::vector<PlaneRatios> ratios;  // by shadow
-  bool fine = true;                 // false: the last cast drew no fine map
+  Lighting reference;                        // of the finest irradiance
+  std::shared_ptr<const GlossyChain> chain;  // of the last method that reads one
+  std::vector<PlaneRatios> ratios;           // by shadow
+  bool fine = true;                          // false: the last cast drew no fine map
   std::vector<Colours> diffuse, glossy;
-  std::vector<glm::vec4> transfer;
+  std::optional<SampleShares> maker;
   std::vector<std::vector<glm::vec4>> shares;
 
-  Work(const Scene& scene, const SceneSamples& at, std::shared_ptr<const CubeMap> light,
-       Normalization scale, const Candidates& all)
+  Work(const Scene& scene, const SceneSamples& at, const LightToJudge& light, Normalization scale,
+       const Candidates& all)
       : samples(at),
-        map(std::move(light)),
+        map(light.map),
+        near_lights(light.near_lights),
         material(scene.material),
         normalization(scale),
         candidates(all),
@@ -295,12 +305,15 @@ struct ErrorMeasurement::Work {
     standing.marker_from_object.translation = {0, 0, at.lifted};
     if (scene.baked_shadow && !scene.baked_shadow->motion(standing.marker_from_object))
       standing.given = scene.given ? scene.given : std::make_shared<const Mesh>(scene.mesh);
+    near_lights.centre -= shift_of(scene, at);
+    maker.emplace(samples, scene, reference);
   }
 
   void find_truth() {
     flux.emplace(*map, samples);
     bright.emplace(*map, samples, *flux);
-    TrueLight truth = true_light(*map, samples, *flux, *bright, material.lobe());
+    near_truth.emplace(near_lights, *bright);
+    TrueLight truth = true_light(*map, samples, *flux, *bright, *near_truth, material.lobe());
     judged.emplace(Judged{samples, material, std::move(truth), {}, {}, {}, {}});
   }
 
@@ -319,6 +332,7 @@ struct ErrorMeasurement::Work {
     LightingOptions finest = plain;
     finest.diffuse = DiffuseMethod::irradiance_cube;
     reference = fit_lighting(map, finest);
+    reference.near_lights = near_lights;
   }
 
   // From the last on, and before the object: light that the plane lacks, the object lacks too.
@@ -336,7 +350,8 @@ struct ErrorMeasurement::Work {
     SceneShadow caster;
     ShadowOptions options;
     options.method = s.method, options.settings = s.settings;
-    const ShadowMap shadow = caster.cast(*map, reference.plane_irradiance, standing, options);
+    const ShadowMap shadow =
+        caster.cast(*map, reference.plane_irradiance, standing, options, near_lights);
     ratios[k].known.resize(samples.plane.size());
     ratios[k].close.resize(samples.close_plane.size());
     shadow.sample(samples.plane, ratios[k].known);
@@ -352,7 +367,7 @@ struct ErrorMeasurement::Work {
     for (std::size_t i = 0; i < samples.surface.size(); ++i)
       sent.push_back(j.diffuse_factor[i] * (j.truth.irradiance[i] - j.truth.lost[i]) +
                      kPi * j.emission[i]);
-    judged->plane = plane_truth(samples, *flux, *bright, sent);
+    judged->plane = plane_truth(samples, *flux, *bright, *near_truth, sent);
   }
 
   // False if there is nothing to compare.
@@ -387,34 +402,18 @@ struct ErrorMeasurement::Work {
     LightingOptions options;
     options.glossy = g.method, options.glossy_settings = g.settings;
     options.normalization = normalization;
-    options.irradiance = false;
-    Lighting lighting = fit_lighting(map, options, last.radiance ? &last : nullptr);
-    lighting.irradiance = reference.irradiance;
+    options.irradiance = options.chain = false;
+    Lighting lighting = fit_lighting(map, options);
+    lighting.irradiance = reference.irradiance, lighting.near_lights = near_lights;
+    if (reads_chain(lighting.glossy)) fit_chain(lighting, chain), chain = lighting.chain;
     glossy.push_back(sample_colours(samples, samples.seen, material, lighting, {0, 0, 0, 1}));
     subtract(glossy.back(), judged->emission);
-    if (lighting.chain) last = std::move(lighting);
-  }
-
-  void share(SelfShadowMethod method) {
-    if (method == SelfShadowMethod::none) {
-      shares.emplace_back(samples.seen, glm::vec4(1));
-    } else if (method == SelfShadowMethod::ambient) {
-      shares.push_back(ambient_shares(samples));
-    } else {
-      if (transfer.empty())
-        transfer = transfer_shares(samples, *map, reference.irradiance, material);
-      shares.push_back(transfer);
-      if (method == SelfShadowMethod::traced_lights)
-        errors.rays =
-            trace_lights(samples, *map, reference.irradiance, material, shares.back());
-      if (method == SelfShadowMethod::traced) trace_shares(samples, *map, material, shares.back());
-      if (method == SelfShadowMethod::pixel_transfer)
-        share_by_pixel(samples, *map, material, shares.back());
-    }
   }
 
   void share_all() {
-    for (const SelfShadowMethod method : candidates.self_shadow) share(method);
+    for (const SelfShadowMethod method : candidates.self_shadow)
+      shares.push_back(maker->of(method));
+    errors.rays = maker->rays();
   }
 
   void judge() {
@@ -426,10 +425,10 @@ struct ErrorMeasurement::Work {
 };
 
 ErrorMeasurement::ErrorMeasurement(const Scene& scene, const SceneSamples* at,
-                                   std::shared_ptr<const CubeMap> map, const Methods& asked,
+                                   const LightToJudge& light, const Methods& asked,
                                    const Candidates& candidates, bool cast_shadow) {
-  if (!at || at->empty() || !map || map->size() == 0) return;
-  work_ = std::make_unique<Work>(scene, *at, std::move(map), asked.normalization, candidates);
+  if (!at || at->empty() || !light.map || light.map->size() == 0) return;
+  work_ = std::make_unique<Work>(scene, *at, light, asked.normalization, candidates);
   Work* const work = work_.get();
   std::deque<std::function<void()>>& steps = work->steps;
   // What takes far less than a millisecond goes with its neighbour.
@@ -462,10 +461,10 @@ void ErrorMeasurement::step() {
 
 MeasuredErrors ErrorMeasurement::errors() const { return work_ ? work_->errors : MeasuredErrors(); }
 
-MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at,
-                              const std::shared_ptr<const CubeMap>& map, const Methods& asked,
-                              const Candidates& candidates, bool cast_shadow) {
-  ErrorMeasurement measurement(scene, at, map, asked, candidates, cast_shadow);
+MeasuredErrors measure_errors(const Scene& scene, const SceneSamples* at, const LightToJudge& light,
+                              const Methods& asked, const Candidates& candidates,
+                              bool cast_shadow) {
+  ErrorMeasurement measurement(scene, at, light, asked, candidates, cast_shadow);
   while (!measurement.done()) measurement.step();
   return measurement.errors();
 }

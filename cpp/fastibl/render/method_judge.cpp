@@ -17,33 +17,29 @@ constexpr int kLeastFrames = 4, kMostFrames = 64;
 
 void MethodJudge::forget() { measured_ = {}, measurement_.reset(), due_ = true; }
 
-double MethodJudge::unjudged(const CubeMap& map) const {
-  if (measured_.empty()) return 0;
-  const LightSummary light = summary_of(map);
-  if (!is_other_light(light, measured_light_)) return 0;
-  return std::max(difference(light, measured_light_),
-                  std::abs(light.compact - measured_light_.compact));
+double MethodJudge::unjudged(const LightSummary& light) const {
+  if (measured_.empty() || !is_other_light(light, measured_light_)) return 0;
+  return std::max({difference(light, measured_light_),
+                   std::abs(light.compact - measured_light_.compact),
+                   std::abs(light.near - measured_light_.near)});
 }
-
-bool MethodJudge::may_be_due() const { return !due_ && !measurement_ && frames_ >= wait_; }
 
 void MethodJudge::follow(const LightSummary& light) {
-  if (may_be_due()) due_ = is_other_light(light, light_);
+  if (looks()) due_ = is_other_light(light, light_);
 }
 
-void MethodJudge::add_frame(const CubeMap* captured) {
-  ++frames_;
-  if (captured && may_be_due()) follow(summary_of(*captured));
+bool MethodJudge::knows(const LightSummary& light) const {
+  constexpr float kElsewhere = 0.5f;
+  return measured_.empty() || std::abs(light.near - measured_light_.near) <= kElsewhere;
 }
 
-void MethodJudge::begin(const Scene& scene, const std::shared_ptr<const Environment>& environment,
+void MethodJudge::begin(const Scene& scene, const LightToJudge& light, const LightSummary& summary,
                         const Methods& asked, const Candidates& candidates, bool cast_shadow) {
   wait_ =
       frames_ < 2 * kMostFrames ? std::clamp(2 * wait_, kLeastFrames, kMostFrames) : kLeastFrames;
   due_ = false, frames_ = 0;
-  const std::shared_ptr<const CubeMap> radiance(environment, &environment->radiance);
-  measurement_.emplace(scene, scene.samples.get(), radiance, asked, candidates, cast_shadow);
-  light_ = summary_of(*radiance);
+  measurement_.emplace(scene, scene.samples.get(), light, asked, candidates, cast_shadow);
+  light_ = summary;
 }
 
 bool MethodJudge::step(bool to_its_end) {

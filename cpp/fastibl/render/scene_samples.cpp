@@ -380,6 +380,10 @@ std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const 
 
 }  // namespace
 
+glm::vec3 shift_of(const Scene& scene, const SceneSamples& samples) {
+  return glm::vec3(scene.marker_from_object.translation - glm::dvec3(0, 0, samples.lifted));
+}
+
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Progress& progress) {
   return sample(scene, upright(scene.marker_from_object), nullptr, progress);
 }

@@ -81,8 +81,16 @@ class SceneSamples {
   double lifted = 0;    // metres
 
   std::size_t direction_count() const { return directions.size(); }
+  // Which of `directions` is the middle of the texel that another one meets.
+  static std::size_t direction_at(glm::vec3 direction) {
+    const TexelPlace at = texel_at(direction, kLevelSize);
+    return std::size_t((at.face * kLevelSize + at.y) * kLevelSize + at.x);
+  }
   bool empty() const { return seen == 0; }
 };
+
+// From the samples' frame to the marker's: where the object stands now.
+glm::vec3 shift_of(const Scene& scene, const SceneSamples& samples);
 
 // Samples as seen from all round. Null where the directions that the object blocks were not worked
 // out, or where no view sees it. Takes some 4 million rays. Throws WorkEnded.

@@ -8,7 +8,9 @@
 #include "fastibl/core/check.h"
 #include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
+#include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/render/make_scene.h"
+#include "fastibl/render/scene_samples.h"
 #include "fastibl/render/workload.h"
 #include "fastibl/scene/pixel_reader.h"
 #include "fastibl/shading/supersample.h"
@@ -25,7 +27,8 @@ void check_methods(const Methods& methods, const Renderer& renderer) {
   check_settings(methods.diffuse, methods.diffuse_settings);
   check_settings(methods.glossy, methods.glossy_settings);
   check_settings(methods.shadow, methods.shadow_settings);
-  check(renderer.has(methods.self_shadow), "the ", renderer.backend(), " back end has no self_shadow method ", name(methods.self_shadow),
+  check(renderer.has(methods.self_shadow), "the ", renderer.backend(),
+        " back end has no self_shadow method ", name(methods.self_shadow),
         "; backend=\"cpu\" has it");
 }
 
@@ -138,8 +141,8 @@ void Session::choose_methods() {
     choice.light_stays = !light_moves(), choice.hurried = hurried;
     choice.offline = options_.offline;
     choice.traced = has(SelfShadowMethod::traced);
-    judge_.begin(scene_, environment_, options_.methods, candidates(options_.methods, choice),
-                 options_.cast_shadow);
+    judge_.begin(scene_, {radiance(), near_lights()}, light_summary(), options_.methods,
+                 candidates(options_.methods, choice), options_.cast_shadow);
   }
   if (!judge_.step(hurried)) return;
   const Methods before = plan_.methods;
@@ -183,7 +186,7 @@ void Session::update_plan(bool choose) {
     options.object = parts;
   options.slowdown = time_.slowdown();
   options.light_in_turns = in_turns_, options.light_lag = double(light_lag_);
-  if (lit()) options.light_unjudged = judge_.unjudged(environment_->radiance);
+  if (lit()) options.light_unjudged = judge_.unjudged(light_summary());
   // Under light that stays, the choice must not depend on earlier choices.
   const Methods before = plan_.methods;
   options.settled = !choose && plan_.picture_error;
@@ -215,6 +218,7 @@ void Session::set_material(const Material& material) {
 void Session::move(const Pose& marker_from_object) {
   marker_from_object.validate();
   scene_.marker_from_object = marker_from_object;
+  if (lit() && !light_moves() && !judge_.knows(light_summary())) judge_.forget();
   update_plan();  // a lamp may be near from now on
   stale_ |= product::placement;
 }
@@ -271,7 +275,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
     renderer_->clear(PassId::shadow);
   }
   if (!stream_.moves() || judge_.measured().empty()) return judge_anew();
-  judge_.follow(*light);
+  judge_.follow(light_summary());
   if (stream_.begins()) judge_.choose_anew();  // what is made for each light costs more now
   update_plan();
   make_stale();
@@ -324,6 +328,19 @@ bool Session::wants_capture(const Frame& frame, const FrameResult& found) const 
 std::shared_ptr<const CubeMap> Session::radiance() const {
   return environment_ ? std::shared_ptr<const CubeMap>(environment_, &environment_->radiance)
                       : nullptr;
+}
+
+NearLights Session::near_lights() const {
+  return lighting_ ? lighting_->near_lights : find_near_lights(*environment_);
+}
+
+LightSummary Session::light_summary() const {
+  LightSummary light = summary_of(environment_->radiance);
+  if (scene_.samples && !environment_->light_positions.empty())
+    light.near = near_change(environment_->radiance, near_lights(),
+                             scene_.samples->centre + shift_of(scene_, *scene_.samples),
+                             scene_.samples->radius);
+  return light;
 }
 
 LightingOptions Session::lighting_options() const {
@@ -411,10 +428,10 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
   }
   ensure_lighting();
   if (id == PassId::composite) read_exposure(frame, drawn_from);
-  renderer_->run(
-      id, {scene_, plan_.methods, *lighting_, &drawn_by_, drawn_from, frame.back, back_exposure_,
-           shares_.all(), shares_.plane_gain(), shares_.holdouts(), shares_.own(), shares_.near_shares(),
-           &shares_.cell_light(), plan_.shades_alike_as_one, options_.supersampling});
+  renderer_->run(id, {scene_, plan_.methods, *lighting_, &drawn_by_, drawn_from, frame.back,
+                      back_exposure_, shares_.all(), shares_.plane_gain(), shares_.holdouts(),
+                      shares_.own(), shares_.near_shares(), &shares_.cell_light(),
+                      plan_.shades_alike_as_one, options_.supersampling});
   return true;
 }
 
@@ -546,7 +563,8 @@ void Session::process(const Frame& given, FrameResult& result) {
   run_due(frame, result);
 
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
-  judge_.add_frame(fixed_environment_ || !environment_ ? nullptr : &environment_->radiance);
+  judge_.add_frame();
+  if (environment_ && judge_.looks()) judge_.follow(light_summary());
   update_plan();  // its errors, now that this frame's light is known
   if (!drawn_from_) renderer_->show(frame.back, drawn_by_);
   if (options_.read_back)

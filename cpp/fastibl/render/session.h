@@ -132,6 +132,9 @@ class Session {
   RigCapture::Turn pictures_turn() const;
   bool wants_capture(const Frame& frame, const FrameResult& found) const;
   std::shared_ptr<const CubeMap> radiance() const;  // null before there is a map
+  // Of the environment, which must be there.
+  NearLights near_lights() const;
+  LightSummary light_summary() const;
   const Camera& drawn_camera() const;  // the back one, or that of the renderer's texture
   LightingOptions lighting_options() const;
   void ensure_lighting();  // for this map, with the chain that glossy light is read from

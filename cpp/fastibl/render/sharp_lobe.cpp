@@ -5,8 +5,6 @@
 #include <numbers>
 #include <utility>
 
-#include "fastibl/core/lanes.h"
-
 namespace fastibl {
 namespace {
 
@@ -29,38 +27,12 @@ int parts_for(float width, float view_cosine) {
 
 }  // namespace
 
-void SharpLobe::Texels::add(glm::vec3 direction, float solid_angle, glm::vec3 flux, bool is_free) {
-  x.push_back(direction.x), y.push_back(direction.y), z.push_back(direction.z);
-  solid_angles.push_back(solid_angle);
-  for (int c = 0; c < 3; ++c) channels[c].push_back(flux[c]);
-  free.push_back(is_free);
-}
-
-void SharpLobe::Texels::pad() {
-  while (x.size() % kLanes != 0) add({0, 0, 1}, 0, glm::vec3(0), false);
-}
-
-void SharpLobe::Texels::clear() {
-  for (std::vector<float>* values :
-       {&x, &y, &z, &solid_angles, &channels[0], &channels[1], &channels[2]})
-    values->clear();
-  free.clear();
-}
-
-LitDirections SharpLobe::Texels::lit() const {
-  return {x.data(),
-          y.data(),
-          z.data(),
-          solid_angles.data(),
-          {channels[0].data(), channels[1].data(), channels[2].data()},
-          x.size()};
-}
-
 SharpLobe::SharpLobe(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux,
-                     const LobeShape& lobe)
+                     const NearTruth& near_lights, const LobeShape& lobe)
     : map_(map),
       samples_(samples),
       flux_(flux),
+      near_(near_lights),
       height_(lobe),
       width_(width_of(lobe)),
       mirror_(width_ < 0.5f * kFaceAngle / float(map.size())) {
@@ -70,7 +42,8 @@ SharpLobe::SharpLobe(const CubeMap& map, const SceneSamples& samples, const Samp
   reach_ = std::min(kWidths * width_, 1.5f);
 }
 
-void SharpLobe::add_parts(std::size_t direction, glm::vec3 mirror, int parts, bool is_free) {
+void SharpLobe::add_parts(std::size_t direction, glm::vec3 from, glm::vec3 mirror, int parts,
+                          bool is_free) {
   const int n = kSamplesSize * parts, k = int(direction);
   const int face = k / (kSamplesSize * kSamplesSize), row = k / kSamplesSize % kSamplesSize,
             column = k % kSamplesSize;
@@ -85,7 +58,9 @@ void SharpLobe::add_parts(std::size_t direction, glm::vec3 mirror, int parts, bo
       const float length = glm::length(at);
       if (glm::dot(at, mirror) > least_cosine * length) {
         const float angle = area / (length * length * length);
-        lit_.add(at / length, angle, angle * level.texel(face, texel_of(x), texel_of(y)), is_free);
+        const glm::vec3 d = at / length, radiance = level.texel(face, texel_of(x), texel_of(y));
+        lit_.add(d, angle, angle * near_.radiance(level, from, d, radiance));
+        free_.push_back(is_free);
       }
     }
 }
@@ -100,26 +75,24 @@ SharpLobe::Light SharpLobe::operator()(std::size_t sample) {
   };
   Light light;
   if (mirror_) {
-    const TexelPlace at = texel_at(mirror, kSamplesSize);
-    light.open = map_.sample(mirror, 0);
-    if (is_free(std::size_t((at.face * kSamplesSize + at.y) * kSamplesSize + at.x)))
-      light.free = light.open;
+    light.open = near_.radiance(map_.level(0), s.position, mirror, map_.sample(mirror, 0));
+    if (is_free(SceneSamples::direction_at(mirror))) light.free = light.open;
     return light;
   }
-  lit_.clear();
+  lit_.clear(), free_.clear();
   constexpr float kDiagonal = 0.045f;  // half of a texel's
   const float near_cosine = std::cos(reach_ + kDiagonal);
   const int parts = parts_for(width_, glm::dot(s.normal, s.to_eye));
   for (std::size_t k = 0; k < samples_.direction_count(); ++k) {
     const glm::vec3 d = samples_.directions[k];
     if (glm::dot(d, mirror) > near_cosine)
-      add_parts(k, mirror, parts, is_free(k));
+      add_parts(k, s.position, mirror, parts, is_free(k));
     else if (height_.ggx && glm::dot(d, s.normal) > 0)
-      lit_.add(d, samples_.solid_angles[k], flux_[k], free[k]);
+      lit_.add(d, samples_.solid_angles[k], flux_[k]), free_.push_back(free[k]);
   }
-  lit_.pad();
+  lit_.pad(), free_.resize(lit_.size());
   LightSums sums;
-  sum_light(lit_.lit(), lit_.free.data(), s.normal, s.to_eye, height_, sums);
+  sum_light(lit_.lit(), free_.data(), s.normal, s.to_eye, height_, sums);
   if (!(sums.height > 0)) return light;
   for (int c = 0; c < 3; ++c) {
     light.open[c] = sums.open_lobe[c] / sums.height;

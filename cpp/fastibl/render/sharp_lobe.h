@@ -1,10 +1,13 @@
 // The light in lobes so sharp that they fall between the samples' directions.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include "fastibl/render/lit_list.h"
 #include "fastibl/render/true_light.h"
+#include "fastibl/render/true_near.h"
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/shading/light_sums.h"
@@ -20,7 +23,7 @@ class SharpLobe {
 
   // Keeps references to all but the lobe.
   SharpLobe(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux,
-            const LobeShape& lobe);
+            const NearTruth& near_lights, const LobeShape& lobe);
 
   // Mean radiance under the lobe of a sample.
   struct Light {
@@ -29,28 +32,19 @@ class SharpLobe {
   Light operator()(std::size_t sample);
 
  private:
-  // Directions with their light, padded to whole Lanes.
-  struct Texels {
-    std::vector<float> x, y, z, solid_angles;
-    std::vector<float> channels[3];
-    std::vector<std::uint8_t> free;
-    void add(glm::vec3 direction, float solid_angle, glm::vec3 flux, bool is_free);
-    void pad();
-    void clear();
-    LitDirections lit() const;
-  };
-
   // Those parts of a texel of the samples' level that the lobe reaches.
-  void add_parts(std::size_t direction, glm::vec3 mirror, int parts, bool is_free);
+  void add_parts(std::size_t direction, glm::vec3 from, glm::vec3 mirror, int parts, bool is_free);
 
   const CubeMap& map_;
   const SceneSamples& samples_;
   const SampleFlux& flux_;
+  const NearTruth& near_;
   LobeHeight height_;
   float width_;      // standard deviation around the mirror direction, radians
   bool mirror_;      // whether it is narrower than the map's texels
   float reach_ = 0;  // radians from the mirror direction; light from beyond is summed coarsely
-  Texels lit_;
+  LitList lit_;
+  std::vector<std::uint8_t> free_;  // of each direction of lit_
 };
 
 }  // namespace fastibl

@@ -50,7 +50,7 @@ BrightPieces::BrightPieces(const CubeMap& map, const SceneSamples& samples, cons
       continue;
     cut[k] = 1, cut_texels.push_back(k);
     const int face = int(k) / (n * n), row = int(k) / n % n, column = int(k) % n;
-    const std::size_t first = count();
+    const std::size_t first = lit.size();
     glm::vec3 sum(0);
     for (int v = 0; v < kParts; ++v)
       for (int u = 0; u < kParts; ++u) {
@@ -59,13 +59,11 @@ BrightPieces::BrightPieces(const CubeMap& map, const SceneSamples& samples, cons
         const glm::vec3 radiance =
             pieces ? fine.texel(face, at_x / pieces, at_y / pieces) : fine.sample(d);
         sum += radiance;
-        x.push_back(d.x), y.push_back(d.y), z.push_back(d.z);
-        solid_angles.push_back(samples.solid_angles[k] / kCount);
-        for (int c = 0; c < 3; ++c) channels[c].push_back(radiance[c]);
+        lit.add(d, samples.solid_angles[k] / kCount, radiance);
       }
     for (int c = 0; c < 3; ++c)
-      for (std::size_t i = first; i < count(); ++i)
-        channels[c][i] *= sum[c] > 0 ? light[c] / sum[c] : 0.0f;
+      for (std::size_t i = first; i < lit.size(); ++i)
+        lit.channels[c][i] *= sum[c] > 0 ? light[c] / sum[c] : 0.0f;
   }
 }
 
@@ -90,29 +88,46 @@ void free_pieces(const SceneSamples& samples, const BrightPieces& bright, std::s
   const std::uint8_t* coarse = &samples.free[sample * samples.direction_count()];
   const SceneSamples::Surface& s = samples.surface[sample];
   std::vector<std::size_t> asked;
-  free.assign(bright.count(), 0);
+  free.assign(bright.lit.size(), 0);
   for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
     const std::size_t k = bright.cut_texels[b];
     const bool same = same_around(coarse, k);
     for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i) {
       if (same)
         free[i] = coarse[k];
-      else if (glm::dot(bright.direction(i), s.normal) > 0)
+      else if (glm::dot(bright.lit.direction(i), s.normal) > 0)
         asked.push_back(i);
     }
   }
   if (asked.empty()) return;
-  DirectionSet set(int(asked.size()));
-  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.direction(asked[i]));
-  std::vector<std::uint8_t> hidden(asked.size());
-  samples.bvh->occluded(s.start, set, 0, hidden);
+  const std::vector<std::uint8_t> hidden = bright.lit.met(*samples.bvh, s.start, asked);
+  for (std::size_t i = 0; i < asked.size(); ++i) free[asked[i]] = !hidden[i];
+}
+
+// The same for light that a sample sees elsewhere than the map has it.
+void free_near(const SceneSamples& samples, const LitList& seen, std::size_t sample,
+               std::vector<std::uint8_t>& free) {
+  const std::uint8_t* coarse = &samples.free[sample * samples.direction_count()];
+  const SceneSamples::Surface& s = samples.surface[sample];
+  std::vector<std::size_t> asked;
+  free.assign(seen.size(), 0);
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const std::size_t k = SceneSamples::direction_at(seen.direction(i));
+    if (same_around(coarse, k))
+      free[i] = coarse[k];
+    else if (glm::dot(seen.direction(i), s.normal) > 0)
+      asked.push_back(i);
+  }
+  if (asked.empty()) return;
+  const std::vector<std::uint8_t> hidden = seen.met(*samples.bvh, s.start, asked);
   for (std::size_t i = 0; i < asked.size(); ++i) free[asked[i]] = !hidden[i];
 }
 
 }  // namespace
 
 TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux,
-                     const BrightPieces& bright, const std::optional<LobeShape>& lobe) {
+                     const BrightPieces& bright, const NearTruth& near_lights,
+                     const std::optional<LobeShape>& lobe) {
   const std::size_t count = samples.surface.size(), directions = samples.direction_count();
   const std::vector<glm::vec3> black(count, glm::vec3(0));
   TrueLight light{black, black, black, black, black, black};
@@ -133,17 +148,12 @@ TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const Samp
                              samples.solid_angles.data(),
                              {rest[0].data(), rest[1].data(), rest[2].data()},
                              directions};
-  const LitDirections fine{
-      bright.x.data(),
-      bright.y.data(),
-      bright.z.data(),
-      bright.solid_angles.data(),
-      {bright.channels[0].data(), bright.channels[1].data(), bright.channels[2].data()},
-      bright.count()};
+  const LitDirections fine = bright.lit.lit(), distant = near_lights.distant().lit();
   parallel_for(int(count), kGrain, [&](int begin, int end) {
     std::vector<std::uint8_t> free;
+    LitList seen_near;
     std::optional<SharpLobe> sharp_lobe;
-    if (sharp) sharp_lobe.emplace(map, samples, flux, *lobe);
+    if (sharp) sharp_lobe.emplace(map, samples, flux, near_lights, *lobe);
     for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
       const SceneSamples::Surface& s = samples.surface[i];
       if (sharp_lobe && i < samples.seen) {
@@ -151,16 +161,24 @@ TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const Samp
         light.lobe[i] = reflected.free, light.open_lobe[i] = reflected.open;
       }
       const LobeHeight& seen = i < samples.seen ? height : none;
-      LightSums sums, more;
+      LightSums sums, more, near{}, in_map{};
       sum_light(coarse, &samples.free[i * directions], s.normal, s.to_eye, seen, sums);
       free_pieces(samples, bright, i, free);
       sum_light(fine, free.data(), s.normal, s.to_eye, seen, more);
+      if (!near_lights.empty()) {
+        sum_light(distant, free.data(), s.normal, s.to_eye, none, in_map);
+        near_lights.look(s.position, seen_near);
+        free_near(samples, seen_near, i, free);
+        sum_light(seen_near.lit(), free.data(), s.normal, s.to_eye, seen, near);
+      }
       for (int c = 0; c < 3; ++c) {
-        light.open_irradiance[i][c] = sums.open_irradiance[c] + more.open_irradiance[c];
-        light.irradiance[i][c] = sums.irradiance[c] + more.irradiance[c];
+        light.open_irradiance[i][c] =
+            sums.open_irradiance[c] + more.open_irradiance[c] + in_map.open_irradiance[c];
+        light.irradiance[i][c] = sums.irradiance[c] + more.irradiance[c] + near.irradiance[c];
         if (!(sums.height > 0)) continue;
-        light.open_lobe[i][c] = (sums.open_lobe[c] + more.open_lobe[c]) / sums.height;
-        light.lobe[i][c] = (sums.lobe[c] + more.lobe[c]) / sums.height;
+        light.open_lobe[i][c] =
+            (sums.open_lobe[c] + more.open_lobe[c] + near.open_lobe[c]) / sums.height;
+        light.lobe[i][c] = (sums.lobe[c] + more.lobe[c] + near.lobe[c]) / sums.height;
       }
     }
   });

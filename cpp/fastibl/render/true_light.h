@@ -7,7 +7,9 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/render/lit_list.h"
 #include "fastibl/render/scene_samples.h"
+#include "fastibl/render/true_near.h"
 #include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/shadow_map.h"
@@ -32,15 +34,9 @@ struct BrightPieces {
 
   std::vector<std::uint8_t> cut;        // for each direction, whether its texel is cut
   std::vector<std::size_t> cut_texels;  // the cut ones
-  // kCount pieces per cut texel: direction, and radiance times solid angle; they sum to the
-  // texel's.
-  std::vector<float> x, y, z, solid_angles;
-  std::vector<float> channels[3];
+  LitList lit;                          // kCount pieces per cut texel; they sum to the texel's
 
   BrightPieces(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux);
-  std::size_t count() const { return x.size(); }
-  glm::vec3 direction(std::size_t i) const { return {x[i], y[i], z[i]}; }
-  glm::vec3 flux(std::size_t i) const { return {channels[0][i], channels[1][i], channels[2][i]}; }
 };
 
 // Whether the neighbours of a direction in its face have the same value as it has in `cells`, one
@@ -50,15 +46,19 @@ bool same_around(const std::uint8_t* cells, std::size_t direction);
 
 // One colour for each sample of the object.
 struct TrueLight {
-  std::vector<glm::vec3> irradiance, open_irradiance;  // without what the object hides, and with it
-  std::vector<glm::vec3> lobe, open_lobe;  // mean radiance under the glossy lobe, likewise
-  std::vector<glm::vec3> lost;             // irradiance lost to the shadow on the plane
-  std::vector<glm::vec3> lost_of_even;     // the same of an even plane that gives the same E(-z)
+  // Without what the object hides, near lights where they are; and with it, as the map has it.
+  std::vector<glm::vec3> irradiance, open_irradiance;
+  // Mean radiance under the glossy lobe, without what the object hides, and with it.
+  std::vector<glm::vec3> lobe, open_lobe;
+  std::vector<glm::vec3> lost;          // irradiance lost to the shadow on the plane
+  std::vector<glm::vec3> lost_of_even;  // the same of an even plane that gives the same E(-z)
 };
 
-// `lost` and `lost_of_even` are still zero. Without a lobe, its radiances are black.
+// `lost` and `lost_of_even` are still zero. Without a lobe, its radiances are black. bright:
+// without what near lights send.
 TrueLight true_light(const CubeMap& map, const SceneSamples& samples, const SampleFlux& flux,
-                     const BrightPieces& bright, const std::optional<LobeShape>& lobe);
+                     const BrightPieces& bright, const NearTruth& near_lights,
+                     const std::optional<LobeShape>& lobe);
 
 // Sets them: what the plane's shadow keeps from the samples. Every twelfth direction stands for
 // twelve; each sample uses other ones.

@@ -11,37 +11,76 @@
 namespace fastibl {
 namespace {
 
-// The pieces' light that the object hides from a place. hidden: 1 for directions hidden there.
-glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, glm::vec2 place,
-                       const std::uint8_t* hidden) {
-  const glm::vec3 from(place, samples.above), to = samples.centre - from;
-  const float distance = glm::length(to);
-  const float cosine = distance > samples.radius
-                           ? std::sqrt(1 - samples.radius * samples.radius / (distance * distance))
-                           : -1;
-  glm::vec3 lost(0);
-  std::vector<std::size_t> asked;
-  constexpr std::size_t kCount = BrightPieces::kCount;
-  for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
-    const std::size_t k = bright.cut_texels[b];
-    const bool same = same_around(hidden, k);
-    if (same && !hidden[k]) continue;
-    for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i) {
-      if (!(bright.z[i] > 0)) continue;
-      if (same)
-        lost += bright.z[i] * bright.flux(i);
-      else if (glm::dot(bright.direction(i), to) >= cosine * distance)
-        asked.push_back(i);
-    }
+// What of the sky the object hides from a place on the plane.
+class HiddenFrom {
+ public:
+  // hidden: of the samples' directions, 1 where one is hidden there.
+  HiddenFrom(const SceneSamples& samples, glm::vec2 place, const std::uint8_t* hidden)
+      : samples_(samples),
+        hidden_(hidden),
+        from_(place, samples.above),
+        to_(samples.centre - from_) {
+    const float distance = glm::length(to_), sine = samples.radius / distance;
+    least_ = sine < 1 ? std::sqrt(1 - sine * sine) * distance : -distance;
   }
-  if (asked.empty()) return lost;
-  DirectionSet set(int(asked.size()));
-  for (std::size_t i = 0; i < asked.size(); ++i) set.set(int(i), bright.direction(asked[i]));
-  std::vector<std::uint8_t> met(asked.size(), 0);
-  samples.bvh->occluded(from, set, 0, met);
-  for (std::size_t i = 0; i < asked.size(); ++i)
-    if (met[i]) lost += bright.z[asked[i]] * bright.flux(asked[i]);
-  return lost;
+
+  // The pieces' light that does not reach the plane.
+  glm::vec3 of(const BrightPieces& bright) const {
+    constexpr std::size_t kCount = BrightPieces::kCount;
+    glm::vec3 lost(0);
+    std::vector<std::size_t> asked;
+    for (std::size_t b = 0; b < bright.cut_texels.size(); ++b) {
+      const Known known = around(bright.cut_texels[b]);
+      if (known == Known::free) continue;
+      for (std::size_t i = b * kCount; i < (b + 1) * kCount; ++i)
+        sort(bright.lit, i, known, lost, asked);
+    }
+    return lost + met(bright.lit, asked);
+  }
+  // The same for light that the place sees elsewhere than the map has it.
+  glm::vec3 of(const LitList& seen) const {
+    glm::vec3 lost(0);
+    std::vector<std::size_t> asked;
+    for (std::size_t i = 0; i < seen.size(); ++i)
+      sort(seen, i, around(SceneSamples::direction_at(seen.direction(i))), lost, asked);
+    return lost + met(seen, asked);
+  }
+  glm::vec3 place() const { return from_; }
+
+ private:
+  // What all of a texel and of those around it have in common.
+  enum class Known { free, hidden, no };
+  Known around(std::size_t k) const {
+    if (!same_around(hidden_, k)) return Known::no;
+    return hidden_[k] ? Known::hidden : Known::free;
+  }
+  // Adds a direction's light where it is known to be hidden, or asks for a ray.
+  void sort(const LitList& lit, std::size_t i, Known known, glm::vec3& lost,
+            std::vector<std::size_t>& asked) const {
+    if (!(lit.z[i] > 0)) return;
+    if (known == Known::hidden) lost += lit.z[i] * lit.flux(i);
+    if (known == Known::no && glm::dot(lit.direction(i), to_) >= least_) asked.push_back(i);
+  }
+  glm::vec3 met(const LitList& lit, const std::vector<std::size_t>& asked) const {
+    glm::vec3 lost(0);
+    if (asked.empty()) return lost;
+    const std::vector<std::uint8_t> met = lit.met(*samples_.bvh, from_, asked);
+    for (std::size_t i = 0; i < asked.size(); ++i)
+      if (met[i]) lost += lit.z[asked[i]] * lit.flux(asked[i]);
+    return lost;
+  }
+
+  const SceneSamples& samples_;
+  const std::uint8_t* hidden_;
+  glm::vec3 from_, to_;
+  float least_;  // of what meets the object, along to_
+};
+
+// What directions send to the plane.
+glm::vec3 sent_down(const LitList& lit) {
+  glm::vec3 sum(0);
+  for (std::size_t i = 0; i < lit.size(); ++i) sum += std::max(lit.z[i], 0.0f) * lit.flux(i);
+  return sum;
 }
 
 // Mean of the light `sent` by the samples, as it reaches a place on the plane; each sample is
@@ -50,7 +89,6 @@ glm::vec3 hidden_light(const BrightPieces& bright, const SceneSamples& samples, 
 glm::vec3 mean_received(const SceneSamples& samples, const std::vector<glm::vec3>& sent,
                         glm::vec2 place) {
   constexpr float kGrazing = 0.1f;
-  constexpr std::size_t n = SceneSamples::kLevelSize;
   constexpr std::size_t kEnough = 1200;  // samples: as many as all views have
   const float near2 = 1e-4f * samples.radius * samples.radius;
   glm::vec3 sum(0), free_sum(0);
@@ -64,10 +102,7 @@ glm::vec3 mean_received(const SceneSamples& samples, const std::vector<glm::vec3
     const float seen = std::max(glm::dot(s.normal, s.to_eye), kGrazing);
     const float part = facing * d.z / (seen * distance2 * distance2);
     sum += part * sent[i], all += part;
-    const TexelPlace towards = texel_at(-d, int(n));
-    const std::size_t k =
-        (std::size_t(towards.face) * n + std::size_t(towards.y)) * n + std::size_t(towards.x);
-    if (samples.free[i * samples.direction_count() + k])
+    if (samples.free[i * samples.direction_count() + SceneSamples::direction_at(-d)])
       free_sum += part * sent[i], all_free += part;
   }
   return all_free > 0 ? free_sum / all_free : all > 0 ? sum / all : glm::vec3(0);
@@ -85,21 +120,27 @@ bool shows_on_plane(glm::vec3 gain) {
 }
 
 PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
-                       const BrightPieces& bright, const std::vector<glm::vec3>& sent) {
+                       const BrightPieces& bright, const NearTruth& near_lights,
+                       const std::vector<glm::vec3>& sent) {
   const std::size_t places = samples.plane.size();
   PlaneTruth truth{std::vector<glm::vec3>(places, glm::vec3(1)),
                    std::vector<glm::vec3>(places, glm::vec3(0)),
                    {}};
   std::vector<std::uint8_t> counts(places, 0);
+  const glm::vec3 distant = flux.plane - sent_down(near_lights.distant());
   parallel_for(int(places), 16, [&](int begin, int end) {
     std::vector<std::uint8_t> hidden(samples.direction_count());
+    LitList seen_near;
     for (std::size_t p = std::size_t(begin); p < std::size_t(end); ++p) {
       const auto directions =
           std::span(samples.hidden)
               .subspan(samples.plane_first[p], samples.plane_first[p + 1] - samples.plane_first[p]);
       std::fill(hidden.begin(), hidden.end(), std::uint8_t(0));
       for (const std::uint16_t k : directions) hidden[k] = 1;
-      glm::vec3 lost = hidden_light(bright, samples, samples.plane[p], hidden.data());
+      const HiddenFrom from(samples, samples.plane[p], hidden.data());
+      near_lights.look(from.place(), seen_near);
+      glm::vec3 lost = from.of(bright) + from.of(seen_near);
+      const glm::vec3 whole = distant + sent_down(seen_near);
       float factor = 0;
       for (const std::uint16_t k : directions) {
         const float z = samples.directions[k].z;
@@ -110,9 +151,9 @@ PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
           factor > 0 ? factor * mean_received(samples, sent, samples.plane[p]) : glm::vec3(0);
       glm::vec3 &ratio = truth.ratio[p], &added = truth.added[p];
       for (int c = 0; c < 3; ++c) {
-        if (flux.plane[c] > 0) {
-          ratio[c] = std::max(1 - lost[c] / flux.plane[c], 0.0f);
-          added[c] = light[c] / flux.plane[c];
+        if (whole[c] > 0) {
+          ratio[c] = std::max(1 - lost[c] / whole[c], 0.0f);
+          added[c] = light[c] / whole[c];
         }
       }
       counts[p] = shows_on_plane(ratio + added);

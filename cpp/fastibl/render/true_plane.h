@@ -6,6 +6,7 @@
 
 #include "fastibl/render/scene_samples.h"
 #include "fastibl/render/true_light.h"
+#include "fastibl/render/true_near.h"
 
 namespace fastibl {
 
@@ -20,7 +21,8 @@ struct PlaneTruth {
 
 // sent: what the samples send to the plane.
 PlaneTruth plane_truth(const SceneSamples& samples, const SampleFlux& flux,
-                       const BrightPieces& bright, const std::vector<glm::vec3>& sent);
+                       const BrightPieces& bright, const NearTruth& near_lights,
+                       const std::vector<glm::vec3>& sent);
 
 // Whether this factor on the plane's light changes the plane's picture by more than a code.
 bool shows_on_plane(glm::vec3 gain);

@@ -12,7 +12,6 @@
 #include "fastibl/shading/hidden_cells.h"
 #include "fastibl/shading/light_sums.h"
 #include "fastibl/shading/lobe_cells.h"
-#include "fastibl/shading/near_tracer.h"
 
 namespace fastibl {
 namespace {
@@ -160,6 +159,25 @@ float TracedLight::along_taps(std::span<const LobeTap> taps, glm::vec3 start) co
   return all > 0 ? std::clamp(free / all, 0.0f, 1.0f) : 1.0f;
 }
 
+glm::vec3 traced_near_change(const NearTracer& near_tracer, const Irradiance& irradiance,
+                             const glm::mat3& map_from_bvh, const FragmentPlace& at,
+                             glm::vec3 start, const std::array<glm::vec3, 3>& own) {
+  std::array<glm::vec3, 4> normals, all;
+  for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_bvh * at.place.corners[k].normal;
+  normals[3] = map_from_bvh * at.place.normal;
+  evaluate(irradiance, normals, all);
+  const NearTracer::Place place{at.place.normal,  {&start, 1}, at.entries,
+                                at.place.weights, all,         own};
+  int rays = 0;
+  std::array<float, NearTracer::kMost> open{}, lost{};
+  for (std::size_t k = 0; k < near_tracer.lights().size(); ++k) {
+    const NearTracer::Light& l = near_tracer.lights()[k];
+    open[k] = near_tracer.open(l, place, rays);
+    lost[k] = 1 - near_tracer.open_in_map(l, place, rays);
+  }
+  return near_tracer.change(place, ~std::uint32_t{0}, open, lost);
+}
+
 void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
                   const EntryShares& shares, const NearShares* near_shares,
                   std::span<FragmentBand> bands) {
@@ -174,24 +192,6 @@ void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
   const FragmentPlaces places(scene);
   std::optional<NearTracer> to_near;
   if (near_shares) to_near.emplace(scene, *near_shares);
-  // What near lights change, less what is interpolated.
-  const auto near_change = [&](const FragmentPlace& at, glm::vec3 start) {
-    if (!to_near) return glm::vec3(0);
-    std::array<glm::vec3, 4> normals, irradiance;
-    for (std::size_t k = 0; k < 3; ++k) normals[k] = map_from_mesh * at.place.corners[k].normal;
-    normals[3] = map_from_mesh * at.place.normal;
-    evaluate(lighting.irradiance, normals, irradiance);
-    const std::array<glm::vec3, 3> own = shares.of_map_at(at.entries);
-    const NearTracer::Place place{at.place.normal,  {&start, 1}, at.entries,
-                                  at.place.weights, irradiance,  own};
-    int rays = 0;
-    std::array<float, NearTracer::kMost> open{}, lost{};
-    for (std::size_t k = 0; k < to_near->lights().size(); ++k) {
-      const NearTracer::Light& l = to_near->lights()[k];
-      open[k] = to_near->open(l, place, rays), lost[k] = 1 - to_near->open_in_map(l, place, rays);
-    }
-    return to_near->change(place, ~std::uint32_t{0}, open, lost);
-  };
   parallel_for(int(bands.size()), 4, [&](int begin, int end) {
     CornerPieces corner_pieces(scene, light.pieces());
     for (int i = begin; i < end; ++i)
@@ -210,8 +210,10 @@ void trace_shares(const Scene& scene, const Lighting& lighting, glm::vec3 eye,
           // Where a fragment stands for several triangles, its share is their mean.
           const glm::vec3 others = shares.of_others(at);
           const glm::vec3 own = glm::vec3(f.share) - others + glm::vec3(traced) - shares.of_map(at);
-          const glm::vec3 share =
-              glm::clamp(own, glm::vec3(0), glm::vec3(1)) + others + near_change(at, start);
+          glm::vec3 share = glm::clamp(own, glm::vec3(0), glm::vec3(1)) + others;
+          if (to_near)
+            share += traced_near_change(*to_near, lighting.irradiance, map_from_mesh, at, start,
+                                        shares.of_map_at(entries));
           f.share = glm::vec4(glm::max(share, glm::vec3(0)), f.share.w);
         }
         if (lobe && is_touched(f.share.w)) f.share.w = traced.w;

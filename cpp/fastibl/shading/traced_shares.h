@@ -1,18 +1,21 @@
 // The light that an object keeps from itself, found by rays at every pixel.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/irradiance.h"
 #include "fastibl/scene/lighting.h"
 #include "fastibl/scene/material.h"
 #include "fastibl/scene/sampled_lobe.h"
 #include "fastibl/scene/scene.h"
 #include "fastibl/shading/light_pieces.h"
 #include "fastibl/shading/near_shares.h"
+#include "fastibl/shading/near_tracer.h"
 #include "fastibl/shading/rasterize.h"
 #include "fastibl/shading/triangle_place.h"
 
@@ -49,6 +52,13 @@ class TracedLight {
   LobeHeight height_;
   LightPieces pieces_;
 };
+
+// What near lights change of the share of the irradiance that reaches a place, by rays to where
+// they are and to where the map has them, less what is interpolated. start: of the rays. own:
+// shares of the corners by the map alone. Vectors are in the frame of the bvh.
+glm::vec3 traced_near_change(const NearTracer& near_tracer, const Irradiance& irradiance,
+                             const glm::mat3& map_from_bvh, const FragmentPlace& at,
+                             glm::vec3 start, const std::array<glm::vec3, 3>& own);
 
 // Replaces the fragments' shares where the object hides anything from their triangle's corners.
 // Where corners tell of what is between them, no ray is traced for what all three corners and the

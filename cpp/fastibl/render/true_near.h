@@ -1,0 +1,40 @@
+// Near lights where they are, as the samples of a scene truly see them.
+#pragma once
+
+#include <vector>
+
+#include "fastibl/core/vector.h"
+#include "fastibl/render/lit_list.h"
+#include "fastibl/scene/cube_map.h"
+#include "fastibl/scene/near_light.h"
+
+namespace fastibl {
+
+struct BrightPieces;
+
+// Each piece of a light is as far away as its middle. Its own light is what is brighter than around
+// it; what of that no bright piece holds stays where the map has it.
+class NearTruth {
+ public:
+  // Takes what these lights send out of the pieces. near_lights: in the samples' frame.
+  NearTruth(const NearLights& near_lights, BrightPieces& bright);
+
+  bool empty() const { return lights_.lights.empty(); }
+  // The pieces of the lights: as the map has them, and as a place sees them.
+  const LitList& distant() const { return distant_; }
+  void look(glm::vec3 from, LitList& seen) const;
+  // What a place sees in a direction (unit), where the map has `radiance` there. level: of it.
+  glm::vec3 radiance(const CubeLevel& level, glm::vec3 from, glm::vec3 direction,
+                     glm::vec3 radiance) const;
+
+ private:
+  // Which of the lights a direction from the centre meets; −1: none.
+  int light_towards(glm::vec3 direction) const;
+
+  NearLights lights_;
+  std::vector<glm::vec3> around_;  // radiance of what is around each
+  LitList distant_;
+  std::vector<float> inverse_distances_;  // of its pieces, 1 / m
+};
+
+}  // namespace fastibl
