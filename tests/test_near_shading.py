@@ -89,6 +89,65 @@ def sphere_irradiance(points, normals, position, radius, radiance, count=4000):
     return np.array(out)
 
 
+def true_glossy(normals, view, exponent, distance, lamp, radius):
+    """Mean radiance (n,) under the lobes of points of a ball of this radius, by sums over all directions and over the
+    disc of a lamp at this distance from its middle.
+
+    lamp: its radius, metres. It gives 3 to what faces it from the middle.
+    """
+    d = fastibl.texel_directions(48).reshape(-1, 3).astype(np.float64)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    angles = np.tile(np.asarray(fastibl.texel_solid_angles(48), np.float64).ravel(), 6)
+    radiance = 3.0 / (np.pi * (lamp / distance) ** 2)
+    out = []
+    for n in normals:
+
+        def lobe(w, n=n):
+            half = w + view
+            half /= np.linalg.norm(half, axis=1, keepdims=True)
+            return np.maximum(half @ n, 0) ** exponent * np.maximum(w @ n, 0)
+
+        arrow = distance * TOWARDS - radius * n
+        w, solid_angle = over_sphere(arrow, lamp, 500)
+        out.append(AMBIENT + radiance * solid_angle * lobe(w).mean() / (lobe(d) @ angles))
+    return np.array(out)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [300.0, 1000.0, 4000.0])
+def test_sharp_highlights_are_where_the_lamp_is(exponent, backend):
+    """On a shiny ball close to a lamp. Look-ups so fine that they hold the lamp show it where the map has it."""
+    radius, distance, lamp = 0.03, 0.15, 0.015
+    mesh = fastibl.Mesh(*icosphere(radius, CENTRE, 4))
+    eye = CENTRE + [0.1, -1.5, 1.2]
+    camera, pose = camera_of(160, 160, 3.0), looking(CENTRE - eye, eye)
+    cube = lamp_map(lamp, distance, size=128)
+    scene = scene_of(mesh, fastibl.Material((0, 0, 0), (1, 1, 1), exponent), visibility_rays=0)
+    methods = {"glossy": "stretched", "self_shadow": "none", "bounce": "none"}
+    environments = {
+        "near": placed(cube, [*(CENTRE + distance * TOWARDS), lamp]),
+        "distant": fastibl.Environment(cube, centre=CENTRE),
+    }
+    off = {}
+    for name, environment in environments.items():
+        s = fastibl.Session(
+            scene, fastibl.Rig(camera), None, environment, cast_shadow=False, methods=methods, backend=backend
+        )
+        s.process(fastibl.Frame(0.0, back_from_marker=pose))
+        light, places = whole_pixels(s.object)
+        d = camera.unproject(places[:, ::-1] + 0.5) @ pose.rotation
+        _, t, _ = fastibl.Bvh(mesh).nearest(np.broadcast_to(eye, d.shape).astype(np.float32), d.astype(np.float32))
+        normals = (eye + t[:, None] * d - CENTRE) / np.linalg.norm(eye + t[:, None] * d - CENTRE, axis=1, keepdims=True)
+        view = (eye - CENTRE) / np.linalg.norm(eye - CENTRE)
+        mirror = 2 * (normals @ view)[:, None] * normals - view
+        arrow = distance * TOWARDS - radius * normals
+        some = np.argsort(-(mirror * arrow).sum(axis=1) / np.linalg.norm(arrow, axis=1))[:250]
+        true = true_glossy(normals[some], view, exponent, distance, lamp, radius)
+        off[name] = np.sqrt(((light[some, 0] - true) ** 2).mean()) / true.mean()
+    print(f"around the highlight: {100 * off['near']:.0f} %, with the lamp as distant {100 * off['distant']:.0f} %")
+    assert off["near"] < 0.25 and off["distant"] > 3 * off["near"]
+
+
 @pytest.mark.parametrize("distance", [0.2, 0.5, 2.0])
 def test_the_light_of_a_lamp_follows_its_distance(distance):
     mesh = fastibl.Mesh(*icosphere(0.06, CENTRE))
@@ -198,6 +257,7 @@ MATERIALS = {
     "matte": fastibl.Material(diffuse=(1, 0.8, 0.6)),
     "glossy": fastibl.Material(diffuse=(0.2, 0.2, 0.2), glossy=(0.6, 0.5, 0.4), exponent=30.0),
     "blunt": fastibl.Material(diffuse=(0, 0, 0), glossy=(0.6, 0.5, 0.4), exponent=3.0),
+    "shiny": fastibl.Material(diffuse=(0, 0, 0), glossy=(0.6, 0.5, 0.4), exponent=2000.0),
     "pbr": fastibl.Material.pbr((0.8, 0.5, 0.3), 0.6, 0.5),
 }
 

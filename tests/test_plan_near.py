@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_near_shading import AMBIENT, CAMERA, TOWARDS, lamp_map, over_sphere, placed
+from test_near_shading import AMBIENT, CAMERA, TOWARDS, lamp_map, placed, true_glossy
 from test_place import ball
 
 import fastibl
@@ -19,29 +19,6 @@ def judged(scene, environment, step, method, **options):
     """Squared error of the step's method alone."""
     (error,) = _measured_errors(scene, environment, resolve_methods({step: method}), **options)[step][1]
     return error
-
-
-def true_glossy(normals, view, exponent, distance, known):
-    """Mean radiance (n,) under the lobes of points of the ball, by sums over all directions and over the lamp's disc.
-
-    known: the lamp is seen from each point; otherwise as from the ball's middle.
-    """
-    d = fastibl.texel_directions(48).reshape(-1, 3).astype(np.float64)
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    angles = np.tile(np.asarray(fastibl.texel_solid_angles(48), np.float64).ravel(), 6)
-    radiance = 3.0 / (np.pi * (LAMP / distance) ** 2)
-    out = []
-    for n in normals:
-
-        def lobe(w, n=n):
-            half = w + view
-            half /= np.linalg.norm(half, axis=1, keepdims=True)
-            return np.maximum(half @ n, 0) ** exponent * np.maximum(w @ n, 0)
-
-        arrow = distance * TOWARDS - (RADIUS * n if known else 0)
-        w, solid_angle = over_sphere(arrow, LAMP, 500)
-        out.append(AMBIENT + radiance * solid_angle * lobe(w).mean() / (lobe(d) @ angles))
-    return np.array(out)
 
 
 @pytest.mark.parametrize("exponent", [60.0, 700.0])
@@ -62,7 +39,7 @@ def test_what_knows_no_places_is_judged_so(exponent):
         for azimuth in np.arange(8) * np.pi / 4:
             view = np.array([np.cos(azimuth) * np.cos(0.65), np.sin(azimuth) * np.cos(0.65), np.sin(0.65)])
             some = normals[rng.random(len(normals)) < normals @ view][:400]
-            true = true_glossy(some, view, exponent, distance, known)
+            true = true_glossy(some, view, exponent, distance, LAMP, RADIUS if known else 0)
             white = max(AMBIENT / 0.35, np.median(true) / 0.7)
             given = lighting.glossy(some, np.broadcast_to(view, some.shape), exponent)[:, 0]
             squares.append(((np.minimum(given, white) - np.minimum(true, white)) ** 2).mean())

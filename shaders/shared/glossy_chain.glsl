@@ -25,6 +25,19 @@ vec3 sample_chain(vec3 d, float level) {
   return radiance_scale * (fine + (level - k) * (coarse - fine));
 }
 
+// Moves a look-up from d so that it shows near lights where they are. looked: what the map has in direction d, unit.
+void move_look_up(vec3 d, float spread, PlacedLight seen[8], inout vec3 looked, inout float level) {
+  MovedLookUp moved = MovedLookUp(vec3(0.0), 0.0, 0.0, 0.0);
+  for (int j = 0; j < light_count; ++j) {
+    float held = 1.0 - light_share(level, light_flux[j].w);
+    if (light_distance[j] > 0.0 && held > 0.0)
+      moved = moved_for(moved, d, looked, level, spread, held, seen[j], light_place[j].xyz, light_place[j].w,
+                        light_flux[j].w);
+  }
+  looked = moved_direction(moved, looked);
+  level = clamp(moved_level(moved, level), 0.0, 7.0);
+}
+
 vec3 glossy_from_chain(vec3 n, vec3 v, float cosine, vec3 position) {
   float c = clamp(cosine, 0.0, 1.0), sine = sqrt(1.0 - c * c);
   vec3 tangent = v - cosine * n;  // towards the view
@@ -51,7 +64,9 @@ vec3 glossy_from_chain(vec3 n, vec3 v, float cosine, vec3 position) {
     for (int k = 0; k < taps; ++k) {
       vec4 tap = mix(texelFetch(lobe_table, ivec2(i, k), 0), texelFetch(lobe_table, ivec2(i + 1, k), 0), f);
       vec3 direction = tap.x * mirror + tap.y * down;
-      value += (1.0 - harmonics_share) * tap.w * sample_chain(looked(direction, position), tap.z);
+      vec3 to = normalize(looked(direction, position));
+      move_look_up(direction, spreads[k], seen, to, tap.z);
+      value += (1.0 - harmonics_share) * tap.w * sample_chain(to, tap.z);
       for (int j = 0; j < light_count; ++j) {
         float part = tap.w * seen_by_tap(direction, seen[j].direction, spreads[k] + seen[j].variance);
         near[j] += part;

@@ -131,12 +131,11 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, o
   vec2 total = vec2(0.0);
 #if GLOSSY == 7
   vec3 towards[8];
-  float spread[8], gain[8], near[8], left[8];
+  PlacedLight seen[8];
+  float near[8], left[8];
   for (int j = 0; j < light_count; ++j) {
-    PlacedLight seen = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
-    towards[j] = seen.direction * frame;
-    spread[j] = seen.variance;
-    gain[j] = seen.gain;
+    seen[j] = placed_light(light_place[j].xyz, light_distance[j], light_place[j].w, position - map_centre);
+    towards[j] = seen[j].direction * frame;
     near[j] = 1e-30;
     left[j] = 0.0;
   }
@@ -145,12 +144,14 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, o
     vec4 tap = dark ? vec4(centre, max(alpha.x, alpha.y)) : ggx_tap(lobe, parts[k], centre);
     float weight = dark ? 1.0 : parts[k].w / sum.w;
     float e = weight * ggx_edge(tap.xyz, lobe.view), f = weight - e;
-    vec3 direction = looked(frame * tap.xyz, position);
+    vec3 d = frame * tap.xyz, direction = looked(d, position);
 #if GLOSSY == 7
     float level = lobe_level(tap.w, face_size);
+    direction = normalize(direction);
+    move_look_up(d, tap.w * tap.w, seen, direction, level);
     vec3 radiance = sample_chain(direction, level);
     for (int j = 0; j < light_count; ++j) {
-      float part = weight * seen_by_tap(tap.xyz, towards[j], tap.w * tap.w + spread[j]);
+      float part = weight * seen_by_tap(tap.xyz, towards[j], tap.w * tap.w + seen[j].variance);
       near[j] += part;
       left[j] += part * light_share(level, light_flux[j].w);
     }
@@ -165,7 +166,8 @@ vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, o
   edge *= albedo.y / total.y;
 #if GLOSSY == 7
   for (int j = 0; j < light_count; ++j) {
-    float value = left[j] / near[j] * gain[j] * ggx_light(lobe.view, lobe.alpha, lobe.view_size, towards[j], spread[j]);
+    float value = left[j] / near[j] * seen[j].gain *
+                  ggx_light(lobe.view, lobe.alpha, lobe.view_size, towards[j], seen[j].variance);
     float e = ggx_edge(towards[j], lobe.view);
     front += (1.0 - e) * value * light_flux[j].rgb;
     edge += e * value * light_flux[j].rgb;

@@ -20,3 +20,38 @@ FN PlacedLight placed_light(vec3 direction, float rho, float variance, vec3 offs
   light.variance = variance * light.gain;
   return light;
 }
+
+// How a look-up of the glossy chain, which shows lights where the map has them, is moved to show near ones where they are.
+// Around such a light, look-ups are those around it in the map; where the map has it and the place does not see it, they
+// are so coarse that they do not hold it. A lamp may be several lights, which then move a look-up together.
+struct MovedLookUp {
+  vec3 direction;  // to be added, as is the level; sums over lights
+  float level;
+  float shown;     // how many lights the look-up is next to
+  float hidden;    // levels to be added where it is next to none
+};
+// 1 within three standard deviations of a light, 0 beyond twice of that. off: 1 − the cosine of the angle.
+FN float around_light(float off, float variance) {
+  float x = clamp((4.0f - off / (4.5f * variance)) * (1.0f / 3.0f), 0.0f, 1.0f);
+  return x * x * (3.0f - 2.0f * x);
+}
+// Adds a light. d: the look-up as the place sees it, unit; looked: what the map has in that direction; towards: the light
+// as the map has it; spread: of the look-up, radians squared; held: the part of the light that look-ups of its level
+// hold, without which nothing is moved.
+FN MovedLookUp moved_for(MovedLookUp moved, vec3 d, vec3 looked, float level, float spread, float held,
+                         PlacedLight seen, vec3 towards, float variance, float light_level) {
+  float some = clamp(3.0f * held, 0.0f, 1.0f), size = 1.0f / sqrt(seen.gain);
+  float shown = some * around_light(1.0f - dot(d, seen.direction), seen.variance + spread);
+  float there = some * around_light(1.0f - dot(looked, towards), variance + spread);
+  moved.direction = moved.direction + shown * (towards + size * (d - seen.direction) - looked);
+  moved.level = moved.level + shown * min(level, 1.0f) * log2(size);
+  moved.shown = moved.shown + shown;
+  moved.hidden = max(moved.hidden, there * max(light_level + 1.0f - level, 0.0f));
+  return moved;
+}
+FN vec3 moved_direction(MovedLookUp moved, vec3 looked) {
+  return looked + (1.0f / max(moved.shown, 1.0f)) * moved.direction;
+}
+FN float moved_level(MovedLookUp moved, float level) {
+  return level + moved.level / max(moved.shown, 1.0f) + max(1.0f - moved.shown, 0.0f) * moved.hidden;
+}

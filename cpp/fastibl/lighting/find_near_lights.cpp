@@ -108,6 +108,7 @@ class Search {
     light.inverse_distance = float(place.inverse_distance);
     light.sin_radius = float(place.sin_radius);
     light.irradiance = glm::vec3(irradiance);
+    light.around = around;
     return light;
   }
 

@@ -35,7 +35,8 @@ SharpLobe::SharpLobe(const CubeMap& map, const SceneSamples& samples, const Samp
       near_(near_lights),
       height_(lobe),
       width_(width_of(lobe)),
-      mirror_(width_ < 0.5f * kFaceAngle / float(map.size())) {
+      mirror_(width_ < 0.5f * kFaceAngle / float(map.size())),
+      by_pieces_(width_ > kFaceAngle / float(kSamplesSize * BrightPieces::kParts)) {
   if (mirror_) return;
   // The lobe has fallen to 1e-4 here.
   constexpr float kWidths = 4.3f;
@@ -59,7 +60,9 @@ void SharpLobe::add_parts(std::size_t direction, glm::vec3 from, glm::vec3 mirro
       if (glm::dot(at, mirror) > least_cosine * length) {
         const float angle = area / (length * length * length);
         const glm::vec3 d = at / length, radiance = level.texel(face, texel_of(x), texel_of(y));
-        lit_.add(d, angle, angle * near_.radiance(level, from, d, radiance));
+        lit_.add(d, angle,
+                 angle * (by_pieces_ ? near_.without(d, radiance)
+                                     : near_.radiance(map_.level(0), from, d, radiance)));
         free_.push_back(is_free);
       }
     }
@@ -89,6 +92,15 @@ SharpLobe::Light SharpLobe::operator()(std::size_t sample) {
       add_parts(k, s.position, mirror, parts, is_free(k));
     else if (height_.ggx && glm::dot(d, s.normal) > 0)
       lit_.add(d, samples_.solid_angles[k], flux_[k]), free_.push_back(free[k]);
+  }
+  if (by_pieces_ && !near_.empty()) {
+    near_.look(s.position, near_seen_);
+    for (std::size_t i = 0; i < near_seen_.size(); ++i) {
+      const glm::vec3 d = near_seen_.direction(i);
+      if (!(glm::dot(d, mirror) > std::cos(reach_))) continue;
+      lit_.add(d, 0, near_seen_.flux(i));
+      free_.push_back(is_free(SceneSamples::direction_at(d)));
+    }
   }
   lit_.pad(), free_.resize(lit_.size());
   LightSums sums;

@@ -23,16 +23,14 @@ class NearTruth {
   // The pieces of the lights: as the map has them, and as a place sees them.
   const LitList& distant() const { return distant_; }
   void look(glm::vec3 from, LitList& seen) const;
-  // What a place sees in a direction (unit), where the map has `radiance` there. level: of it.
+  // What the map would show in a direction (unit) without the lights, where it shows `radiance`.
+  glm::vec3 without(glm::vec3 direction, glm::vec3 radiance) const;
+  // What a place sees there. level: of the map.
   glm::vec3 radiance(const CubeLevel& level, glm::vec3 from, glm::vec3 direction,
                      glm::vec3 radiance) const;
 
  private:
-  // Which of the lights a direction from the centre meets; −1: none.
-  int light_towards(glm::vec3 direction) const;
-
   NearLights lights_;
-  std::vector<glm::vec3> around_;  // radiance of what is around each
   LitList distant_;
   std::vector<float> inverse_distances_;  // of its pieces, 1 / m
 };

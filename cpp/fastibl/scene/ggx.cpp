@@ -58,9 +58,8 @@ void sum_lights(const LightArrays& lights, const float* offset, const shared::Gg
   }
   for (int i = 0; i < kMaxLights; ++i) {
     const glm::vec3 l(x[i], y[i], z[i]);
-    value[i] =
-        sums.left[i] / sums.around[i] * seen.gain[i] *
-        shared::ggx_light(lobe.view, lobe.alpha, lobe.view_size, l, seen.variance[i]);
+    value[i] = sums.left[i] / sums.around[i] * seen.gain[i] *
+               shared::ggx_light(lobe.view, lobe.alpha, lobe.view_size, l, seen.variance[i]);
     edge_value[i] = value[i] * shared::ggx_edge(l, lobe.view);
     value[i] -= edge_value[i];
   }
@@ -208,25 +207,31 @@ GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::
   const CubeMap& map = *lighting_->radiance;
   const GlossyChain* chain = lighting_->chain.get();
   const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
+  const float* beside = position && lights_.any_near ? &offset.x : nullptr;
+  SeenLights seen;
+  if (beside) see_lights(lights_, beside, seen);
   float levels[kMostGgxTaps];
   LightParts parts;
   for (std::size_t k = 0; k < std::size_t(taps.count); ++k) {
     const GgxTap& tap = taps.taps[k];
-    glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
-                  tap.direction.z * frame.normal;
-    if (position && walls_) d = walls_->direction(d, offset);
-    levels[k] =
-        chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width);
-    parts.add(chain ? chain->sample(d, levels[k]) : map.sample(d, levels[k]), tap.weight,
-              shared::ggx_edge(tap.direction, lobe.view));
+    const glm::vec3 d = tap.direction.x * frame.tangent + tap.direction.y * frame.bitangent +
+                        tap.direction.z * frame.normal;
+    ChainLookUp at{
+        position && walls_ ? walls_->direction(d, offset) : d,
+        chain ? chain->level_of(tap.width) : shared::blur_level(float(map.size()), tap.width)};
+    if (beside)
+      at = moved(lights_, seen, d, glm::normalize(at.direction), at.level, tap.width * tap.width);
+    levels[k] = at.level;
+    parts.add(chain ? chain->sample(at.direction, at.level) : map.sample(at.direction, at.level),
+              tap.weight, shared::ggx_edge(tap.direction, lobe.view));
   }
   GgxLight light = parts.averages();
   if (lights_.count == 0) return light;
   const float axes[9] = {frame.tangent.x,   frame.tangent.y,   frame.tangent.z,
                          frame.bitangent.x, frame.bitangent.y, frame.bitangent.z,
                          frame.normal.x,    frame.normal.y,    frame.normal.z};
-  sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr, lobe, axes, taps, levels,
-             &light.front_lights.x, &light.edge_lights.x);
+  sum_lights(lights_, beside, lobe, axes, taps, levels, &light.front_lights.x,
+             &light.edge_lights.x);
   light.albedo = std::max(taps.albedo, 1e-4f);
   return light;
 }

@@ -12,6 +12,7 @@
 #include "shaders/shared/placed_light.glsl"
 #undef FN
 #undef float
+#include "fastibl/scene/seen_lights_kernel.inl"
 
 FASTIBL_KERNEL_INLINE Wide load(const float* p) {
   Wide a;
@@ -94,6 +95,8 @@ FASTIBL_TARGET void ggx_block(const float* normals, const float* views, const fl
   const Wide up = max(cosine, 1e-3f), size = 1 / sqrt(flat * flat + up * up);
   const vec3 view{size * flat, Wide{}, size * up};
 
+  PlacedLight seen[kMaxLights];
+  see_lights(lights, offset, seen);
   EightTaps taps;
   read_taps(k.nodes, flat, cosine, sqrt(alpha), taps);
   FourFloats front[kWide] = {}, edge[kWide] = {};
@@ -105,17 +108,21 @@ FASTIBL_TARGET void ggx_block(const float* normals, const float* views, const fl
     const Wide length = 1 / sqrt(across * across + along * along);
     const vec3 local{-length * across, Wide{}, length * along};
     const vec3 direction = local.x * tangent + local.z * n;
-    const Wide width = taps.width[t], weight = taps.weight[t], level = level_of(width, k);
+    const Wide width = taps.width[t], weight = taps.weight[t];
+    spreads[t] = width * width;
+    vec3 to = direction;
+    Wide level = level_of(width, k);
+    if (positions && lights.any_near) move_look_up(lights, seen, spreads[t], to, level);
     const Wide e = weight * ggx_edge(local, view), f = weight - e;
     const Wide fine = min(floor(level), GlossyChain::kLevelCount - 2), coarse = level - fine;
     const WideInt index = __builtin_convertvector(fine, WideInt);
-    const WideFacePoint point = face_point(direction.x, direction.y, direction.z);
+    const WideFacePoint point = face_point(to.x, to.y, to.z);
     FourFloats looked[kWide] = {};
     add_look_ups(point, k.levels, index, 1 - coarse, looked);
     add_look_ups(point, k.levels, index + 1, coarse, looked);
     for (int l = 0; l < kWide; ++l) front[l] += f[l] * looked[l], edge[l] += e[l] * looked[l];
     front_weight += f, edge_weight += e;
-    directions[t] = local, fines[t] = fine, coarses[t] = coarse, spreads[t] = width * width;
+    directions[t] = local, fines[t] = fine, coarses[t] = coarse;
     highest = max(highest, level);
   }
 
@@ -125,10 +132,7 @@ FASTIBL_TARGET void ggx_block(const float* normals, const float* views, const fl
     const vec2 round{alpha, alpha};
     const Wide view_size = ggx_size(view, round);
     for (int j = 0; j < lights.count; ++j) {
-      const vec3 towards{repeat(lights.x[j]), repeat(lights.y[j]), repeat(lights.z[j])};
-      PlacedLight light{towards, repeat(lights.variance[j]), repeat(1)};
-      if (lights.inverse_distance[j] > 0)
-        light = placed_light(towards, repeat(lights.inverse_distance[j]), light.variance, offset);
+      const PlacedLight& light = seen[j];
       const vec3 l{dot(light.direction, tangent), dot(light.direction, bitangent),
                    dot(light.direction, n)};
       Wide near = {}, left = {};

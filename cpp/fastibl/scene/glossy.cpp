@@ -134,9 +134,9 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
   glm::vec3 tangent = v - cosine * n;  // towards the view
   tangent *= 1 / std::max(glm::length(tangent), 1e-6f);
   const glm::vec3 mirror = c * n - sine * tangent, down = -sine * n - c * tangent;
-  const float at = shared::lobe_column(c);
-  const int i = at > 0 ? std::min(int(at), GlossyLobe::kColumns - 2) : 0;  // NaN gives 0
-  const float f = at - float(i);
+  const float column = shared::lobe_column(c);
+  const int i = column > 0 ? std::min(int(column), GlossyLobe::kColumns - 2) : 0;  // NaN gives 0
+  const float f = column - float(i);
   const GlossyLobe::Column &a = lobe_.columns[std::size_t(i)],
                            &b = lobe_.columns[std::size_t(i) + 1];
   glm::vec3 value(0);
@@ -144,6 +144,10 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
   taps.count = 0;
   taps.harmonics = lobe_.harmonics;
   float highest = 0;  // level; below the finest light's, look-ups hold all light
+  const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
+  const float* beside = position && lights_.any_near ? &offset.x : nullptr;
+  SeenLights seen;
+  if (beside) see_lights(lights_, beside, seen);
   if (lobe_.harmonics > 0) {
     const glm::vec2 angle = a.direction + f * (b.direction - a.direction);
     value = lobe_.harmonics *
@@ -158,18 +162,18 @@ glm::vec3 GlossyShading::from_chain(glm::vec3 n, glm::vec3 v, float cosine,
       const glm::vec4 &p = a.taps[std::size_t(k)], &q = b.taps[std::size_t(k)];
       const glm::vec4 tap = p + f * (q - p);
       const glm::vec3 direction = tap.x * mirror + tap.y * down;
-      value += (1 - lobe_.harmonics) * tap.w *
-               lighting_->chain->sample(looked(direction, position), tap.z);
-      highest = std::max(highest, tap.z);
-      taps.direction[k] = direction, taps.weight[k] = tap.w, taps.level[k] = tap.z;
+      ChainLookUp at{looked(direction, position), tap.z};
+      if (beside)
+        at = moved(lights_, seen, direction, glm::normalize(at.direction), tap.z, spreads[k]);
+      value += (1 - lobe_.harmonics) * tap.w * lighting_->chain->sample(at.direction, at.level);
+      highest = std::max(highest, at.level);
+      taps.direction[k] = direction, taps.weight[k] = tap.w, taps.level[k] = at.level;
       taps.spread[k] = spreads[k];
     }
   }
   if (lights_.count > 0 && (lobe_.harmonics > 0 || highest > lights_.finest - 1)) {
     float rgb[3];
-    const glm::vec3 offset = position ? *position - lighting_->near_lights.centre : glm::vec3(0);
-    sum_lights(lights_, position && lights_.any_near ? &offset.x : nullptr, lobe_.exponent, taps,
-               &n.x, &v.x, rgb);
+    sum_lights(lights_, beside, lobe_.exponent, taps, &n.x, &v.x, rgb);
     const float integral = a.log_integral + f * (b.log_integral - a.log_integral);
     value += std::exp2(-integral) * glm::vec3(rgb[0], rgb[1], rgb[2]);
   }

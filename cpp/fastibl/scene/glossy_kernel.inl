@@ -11,6 +11,7 @@
 #include "shaders/shared/placed_light.glsl"
 #undef FN
 #undef float
+#include "fastibl/scene/seen_lights_kernel.inl"
 
 // Numbers of the lobe between two columns.
 struct WideColumn {
@@ -79,6 +80,8 @@ FASTIBL_TARGET void chain_block(const float* normals, const float* views, const 
       value = repeat(by_harmonics) *
               harmonics_radiance(harmonics, (1 / sqrt(dot(turned, turned))) * turned, bands);
     }
+    PlacedLight seen[kMaxLights];
+    see_lights(lights, offset, seen);
     FourFloats looked[kWide] = {};
     vec3 directions[GlossyLobe::kMaxTaps];
     Wide weights[GlossyLobe::kMaxTaps], levels[GlossyLobe::kMaxTaps], spreads[GlossyLobe::kMaxTaps];
@@ -86,15 +89,17 @@ FASTIBL_TARGET void chain_block(const float* normals, const float* views, const 
     for (int t = 0; t < taps; ++t) {
       const std::size_t at = offsetof(Column, taps) + std::size_t(t) * sizeof(glm::vec4);
       const vec3 direction = column(at) * mirror + column(at + sizeof(float)) * down;
-      const Wide level = clamp(column(at + 2 * sizeof(float)), 0, GlossyChain::kLevelCount - 1);
       const Wide weight = column(at + 3 * sizeof(float)), own = by_taps * weight;
+      spreads[t] = column(offsetof(Column, spreads) + std::size_t(t) * sizeof(float));
+      vec3 to = direction;
+      Wide level = clamp(column(at + 2 * sizeof(float)), 0, GlossyChain::kLevelCount - 1);
+      if (positions && lights.any_near) move_look_up(lights, seen, spreads[t], to, level);
       const Wide fine = min(floor(level), GlossyChain::kLevelCount - 2), coarse = level - fine;
       const WideInt index = __builtin_convertvector(fine, WideInt);
-      const WideFacePoint point = face_point(direction.x, direction.y, direction.z);
+      const WideFacePoint point = face_point(to.x, to.y, to.z);
       add_look_ups(point, k.levels, index, own * (1 - coarse), looked);
       add_look_ups(point, k.levels, index + 1, own * coarse, looked);
       directions[t] = direction, weights[t] = weight, levels[t] = level;
-      spreads[t] = column(offsetof(Column, spreads) + std::size_t(t) * sizeof(float));
       highest = max(highest, level);
     }
     if (taps > 0) value += transposed(looked);
@@ -103,10 +108,7 @@ FASTIBL_TARGET void chain_block(const float* normals, const float* views, const 
     if (lights.count > 0 && (by_harmonics > 0 || set_bits(highest > lights.finest - 1))) {
       vec3 sum{};
       for (int l = 0; l < lights.count; ++l) {
-        const vec3 towards{repeat(lights.x[l]), repeat(lights.y[l]), repeat(lights.z[l])};
-        PlacedLight light{towards, repeat(lights.variance[l]), repeat(1)};
-        if (lights.inverse_distance[l] > 0)
-          light = placed_light(towards, repeat(lights.inverse_distance[l]), light.variance, offset);
+        const PlacedLight& light = seen[l];
         const Wide facing = soft_positive(dot(n, light.direction), 1.5f * sqrt(light.variance));
         if (!set_bits(facing > 0)) continue;
         const Wide through =

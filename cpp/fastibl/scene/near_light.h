@@ -15,6 +15,7 @@ struct NearLight {
   float inverse_distance = 0;    // ρ from there, 1 / m
   float sin_radius = 0.01f;      // sine of the angular radius, from there, of a sphere as large
   glm::vec3 irradiance{0};       // on a surface that faces it at the centre
+  glm::vec3 around{0};           // radiance of what is around it: what is brighter is its own
 };
 
 struct NearLights {

@@ -32,6 +32,29 @@ FASTIBL_INLINE void see_lights(const LightArrays& lights, const float* offset, S
   }
 }
 
+// A look-up of the chain: in which direction, at which level.
+struct ChainLookUp {
+  glm::vec3 direction;
+  float level;
+};
+// Moved so that it shows near lights where they are: see shaders/shared/placed_light.glsl. looked:
+// unit length.
+inline ChainLookUp moved(const LightArrays& lights, const SeenLights& seen, glm::vec3 d,
+                         glm::vec3 looked, float level, float spread) {
+  shared::MovedLookUp moved{glm::vec3(0), 0, 0, 0};
+  for (int i = 0; i < lights.count; ++i) {
+    const float held = 1 - shared::light_share(level, lights.level[i]);
+    if (!(lights.inverse_distance[i] > 0 && held > 0)) continue;
+    const shared::PlacedLight light{
+        {seen.x[i], seen.y[i], seen.z[i]}, seen.variance[i], seen.gain[i]};
+    moved = shared::moved_for(moved, d, looked, level, spread, held, light,
+                              {lights.x[i], lights.y[i], lights.z[i]}, lights.variance[i],
+                              lights.level[i]);
+  }
+  return {shared::moved_direction(moved, looked),
+          std::clamp(shared::moved_level(moved, level), 0.0f, float(GlossyChain::kLevelCount - 1))};
+}
+
 // The share of each light that the look-ups near it leave to be added: left / around.
 struct LightsLeft {
   float around[kMaxLights] = {}, left[kMaxLights] = {};
