@@ -72,7 +72,7 @@ bool is_little_change(const LightSummary& a, const LightSummary& b) {
 
 bool is_other_light(const LightSummary& a, const LightSummary& b) {
   return difference(a, b) > kOtherLight || std::abs(a.compact - b.compact) > kOtherCompactLight ||
-         std::abs(a.near - b.near) > kOtherNear;
+         std::abs(a.nearby - b.nearby) > kOtherNear;
 }
 
 }  // namespace fastibl

@@ -12,7 +12,7 @@ namespace fastibl {
 struct LightSummary {
   std::array<glm::vec3, 6> faces;  // mean radiances
   float compact = 0;               // share of all light that is far above the mean radiance
-  float near = 0;                  // see near_change(); 0 where no light is near
+  float nearby = 0;                // see near_change(); 0 where no light is near
 };
 LightSummary summary_of(const CubeMap& map);
 

@@ -21,7 +21,7 @@ double MethodJudge::unjudged(const LightSummary& light) const {
   if (measured_.empty() || !is_other_light(light, measured_light_)) return 0;
   return std::max({difference(light, measured_light_),
                    std::abs(light.compact - measured_light_.compact),
-                   std::abs(light.near - measured_light_.near)});
+                   std::abs(light.nearby - measured_light_.nearby)});
 }
 
 void MethodJudge::follow(const LightSummary& light) {
@@ -30,7 +30,7 @@ void MethodJudge::follow(const LightSummary& light) {
 
 bool MethodJudge::knows(const LightSummary& light) const {
   constexpr float kElsewhere = 0.5f;
-  return measured_.empty() || std::abs(light.near - measured_light_.near) <= kElsewhere;
+  return measured_.empty() || std::abs(light.nearby - measured_light_.nearby) <= kElsewhere;
 }
 
 void MethodJudge::begin(const Scene& scene, const LightToJudge& light, const LightSummary& summary,

@@ -337,7 +337,7 @@ NearLights Session::near_lights() const {
 LightSummary Session::light_summary() const {
   LightSummary light = summary_of(environment_->radiance);
   if (scene_.samples && !environment_->light_positions.empty())
-    light.near = near_change(environment_->radiance, near_lights(),
+    light.nearby = near_change(environment_->radiance, near_lights(),
                              scene_.samples->centre + shift_of(scene_, *scene_.samples),
                              scene_.samples->radius);
   return light;
