@@ -40,7 +40,7 @@ FN float around_light(float off, float variance) {
 // hold, without which nothing is moved.
 FN MovedLookUp moved_for(MovedLookUp moved, vec3 d, vec3 looked, float level, float spread, float held,
                          PlacedLight seen, vec3 towards, float variance, float light_level) {
-  float some = clamp(3.0f * held, 0.0f, 1.0f), size = 1.0f / sqrt(seen.gain);
+  float some = clamp(3.0f * held, 0.0f, 1.0f), size = 1.0f / sqrt(max(seen.gain, 1e-6f));
   float shown = some * around_light(1.0f - dot(d, seen.direction), seen.variance + spread);
   float there = some * around_light(1.0f - dot(looked, towards), variance + spread);
   moved.direction = moved.direction + shown * (towards + size * (d - seen.direction) - looked);
