@@ -148,6 +148,26 @@ def test_sharp_highlights_are_where_the_lamp_is(exponent, backend):
     assert off["near"] < 0.25 and off["distant"] > 3 * off["near"]
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("material", ["shiny", "polished"])
+def test_a_lamp_known_to_be_far_changes_no_highlight(mesh, material, backend):
+    """As a lamp's place is found, it comes nearer step by step: the first step must change nothing."""
+    materials = {
+        "shiny": fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=5000.0),
+        "polished": fastibl.Material.pbr((1, 1, 1), 1.0, 0.12),
+    }
+    cube = lamp_map(0.05, 0.5, size=128)
+    layers = []
+    for environment in (placed(cube, [*(CENTRE + 1e6 * TOWARDS), 1e5]), fastibl.Environment(cube, centre=CENTRE)):
+        methods = {"glossy": "stretched", "self_shadow": "none", "bounce": "none"}
+        s = session(mesh, environment, materials[material], backend, **methods)
+        s.process(fastibl.Frame(0.0, back_from_marker=POSE))
+        layers.append(np.asarray(s.object.rgba))
+    off = np.abs(layers[0] - layers[1]).max() / layers[1][..., :3].mean()
+    print(f"{material}: {off:.2g} of the mean")
+    assert off < 5e-4
+
+
 @pytest.mark.parametrize("distance", [0.2, 0.5, 2.0])
 def test_the_light_of_a_lamp_follows_its_distance(distance):
     mesh = fastibl.Mesh(*icosphere(0.06, CENTRE))

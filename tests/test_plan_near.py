@@ -72,7 +72,7 @@ def test_a_lamp_known_to_be_far_is_judged_like_light_without_a_place():
 
 
 def test_methods_are_judged_anew_where_the_object_comes_close_to_a_lamp():
-    """Though no texel of the map changes."""
+    """Though no texel of the map changes. At once: with the next frame, so that nothing depends on where it was."""
     mesh = fastibl.shapes.figurine(0.12)
     scene = fastibl.Scene(mesh, fastibl.Material(diffuse=(0.8, 0.8, 0.8)), spheres=20)
     lamp = np.array([1.0, 0.0, 0.3])
@@ -81,15 +81,14 @@ def test_methods_are_judged_anew_where_the_object_comes_close_to_a_lamp():
     cube = lamp_map(0.05, float(np.linalg.norm(lamp - centre)), facing=1.0, towards=towards)
     environment = placed(cube, [*lamp, 0.05], centre)
     plans = []
-    for shift in ((0.0,), (0.0, 0.2, 0.4, 0.6, 0.8), (0.8,)):
+    for shift in ((0.0,), (0.0, 0.8), (0.8,)):
         session = fastibl.Session(scene, fastibl.Rig(CAMERA), None, environment, error=0.02)
         for k, x in enumerate(shift):
             at = fastibl.Pose.from_rotation_vector([0, 0, 0], [x, 0, 0])
             session.move(at)
             eye = np.array([0.1, -0.4, 0.3])
             pose = looking(centre - eye, eye) @ at.inverse()
-            for i in range(5 if k + 1 < len(shift) else 80):
-                plan = session.process(fastibl.Frame(k + i / 100, back_from_marker=pose)).plan
+            plan = session.process(fastibl.Frame(float(k), back_from_marker=pose)).plan
         plans.append(plan)
     beside, moved, close = plans
     print(*(f"{p.expected_error:.4f}" for p in plans))

@@ -23,7 +23,7 @@ FN PlacedLight placed_light(vec3 direction, float rho, float variance, vec3 offs
 
 // How a look-up of the glossy chain, which shows lights where the map has them, is moved to show near ones where they are.
 // Around such a light, look-ups are those around it in the map; where the map has it and the place does not see it, they
-// are so coarse that they do not hold it. A lamp may be several lights, which then move a look-up together.
+// are so coarse that none of their levels holds it. A lamp may be several lights, which then move a look-up together.
 struct MovedLookUp {
   vec3 direction;  // to be added, as is the level; sums over lights
   float level;
@@ -46,7 +46,7 @@ FN MovedLookUp moved_for(MovedLookUp moved, vec3 d, vec3 looked, float level, fl
   moved.direction = moved.direction + shown * (towards + size * (d - seen.direction) - looked);
   moved.level = moved.level + shown * min(level, 1.0f) * log2(size);
   moved.shown = moved.shown + shown;
-  moved.hidden = max(moved.hidden, there * max(light_level + 1.0f - level, 0.0f));
+  moved.hidden = max(moved.hidden, max(there - shown, 0.0f) * max(light_level + 2.0f - level, 0.0f));
   return moved;
 }
 FN vec3 moved_direction(MovedLookUp moved, vec3 looked) {

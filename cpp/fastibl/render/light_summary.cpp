@@ -33,9 +33,10 @@ LightSummary summary_of(const CubeMap& map) {
   return light;
 }
 
-float near_change(const CubeMap& map, const NearLights& near_lights, glm::vec3 place, float reach) {
+float near_change(const LightSummary& distant, const NearLights& near_lights, glm::vec3 place,
+                  float reach) {
   constexpr float kClosest = 1e-3f;  // a place inside a light, by the light's distance
-  if (near_lights.empty()) return 0;
+  constexpr float kMost = 2;
   float changed = 0, all = 0;
   for (const NearLight& light : near_lights.lights) {
     const glm::vec3 arrow =
@@ -43,12 +44,12 @@ float near_change(const CubeMap& map, const NearLights& near_lights, glm::vec3 p
     const float length = std::max(glm::length(arrow), kClosest);
     const glm::vec3 here = arrow / (length * length * length);
     const float facing = light.irradiance.x + light.irradiance.y + light.irradiance.z;
+    const float varies = std::min(2 * light.inverse_distance * reach / length, 1.0f);
     all += facing * glm::length(here);
-    changed += facing * (glm::length(here - light.direction) +
-                         2 * light.inverse_distance * reach / (length * length * length));
+    changed += facing * (glm::length(here - light.direction) + varies * glm::length(here));
   }
-  for (const glm::vec3& mean : summary_of(map).faces) all += kPi / 6 * (mean.x + mean.y + mean.z);
-  return all > 0 ? changed / all : 0;
+  for (const glm::vec3& mean : distant.faces) all += kPi / 6 * (mean.x + mean.y + mean.z);
+  return all > 0 ? std::min(changed / all, kMost) : 0;
 }
 
 bool has_light(const CubeMap& map) {

@@ -17,9 +17,10 @@ struct LightSummary {
 LightSummary summary_of(const CubeMap& map);
 
 // By how much the light within `reach` metres of a place is not what the map has, as its near
-// lights are elsewhere from there, and vary: as a share of all light there, up to 1 and its
-// variation.
-float near_change(const CubeMap& map, const NearLights& near_lights, glm::vec3 place, float reach);
+// lights are elsewhere from there, and vary: as a share of all light there, 2 at most. distant: of
+// the map.
+float near_change(const LightSummary& distant, const NearLights& near_lights, glm::vec3 place,
+                  float reach);
 
 bool has_light(const CubeMap& map);
 

@@ -19,18 +19,20 @@ void MethodJudge::forget() { measured_ = {}, measurement_.reset(), due_ = true; 
 
 double MethodJudge::unjudged(const LightSummary& light) const {
   if (measured_.empty() || !is_other_light(light, measured_light_)) return 0;
-  return std::max({difference(light, measured_light_),
-                   std::abs(light.compact - measured_light_.compact),
-                   std::abs(light.nearby - measured_light_.nearby)});
+  return std::min(std::max({difference(light, measured_light_),
+                            std::abs(light.compact - measured_light_.compact),
+                            std::abs(light.nearby - measured_light_.nearby)}),
+                  1.0f);
 }
 
 void MethodJudge::follow(const LightSummary& light) {
   if (looks()) due_ = is_other_light(light, light_);
 }
 
-bool MethodJudge::knows(const LightSummary& light) const {
-  constexpr float kElsewhere = 0.5f;
-  return measured_.empty() || std::abs(light.nearby - measured_light_.nearby) <= kElsewhere;
+void MethodJudge::follow_move(const LightSummary& light) {
+  constexpr float kElsewhere = 0.25f;
+  if (!measured_.empty() && std::abs(light.nearby - measured_light_.nearby) > kElsewhere)
+    due_ = at_once_ = true;
 }
 
 void MethodJudge::begin(const Scene& scene, const LightToJudge& light, const LightSummary& summary,
@@ -45,7 +47,7 @@ void MethodJudge::begin(const Scene& scene, const LightToJudge& light, const Lig
 bool MethodJudge::step(bool to_its_end) {
   if (measurement_) {
     const OneThread loops(OneThread::Loops::together);
-    const bool at_once = to_its_end || measured_.empty();
+    const bool at_once = to_its_end || at_once_ || measured_.empty();
     try {
       do measurement_->step();
       while (at_once && !measurement_->done());
@@ -55,7 +57,7 @@ bool MethodJudge::step(bool to_its_end) {
     }
     if (measurement_->done())
       measured_ = measurement_->errors(), measured_light_ = light_, measurement_.reset(),
-      choose_ = true;
+      choose_ = true, at_once_ = false;
   }
   return std::exchange(choose_, false) && !measured_.empty();
 }

@@ -26,8 +26,9 @@ class MethodJudge {
   // nothing while the light is not looked at.
   bool looks() const { return !due_ && !measurement_ && frames_ >= wait_; }
   void follow(const LightSummary& light);
-  // Whether what was measured says nothing of this light, as the object has come close to a lamp.
-  bool knows(const LightSummary& light) const;
+  // In light that stays: judges at once where the object was moved so close to a lamp, or away from
+  // it, that a quarter of the light on it is another.
+  void follow_move(const LightSummary& light);
   void add_frame() { ++frames_; }
 
   // Begins a judgement of the scene under this light; it is then no longer due.
@@ -44,7 +45,7 @@ class MethodJudge {
   LightSummary measured_light_;                  // of measured_
   int frames_ = 0;                               // since it began
   int wait_ = 0;  // frames before light that changes makes another due
-  bool due_ = true, choose_ = false;
+  bool due_ = true, at_once_ = false, choose_ = false;
 };
 
 }  // namespace fastibl

@@ -95,12 +95,12 @@ std::vector<glm::vec4> SampleShares::transfer() {
   own_.assign(samples_.vertices.size(), glm::vec4(1));
   if (!light_.near_lights.empty())
     near_changes_ = near_.update(scene_, light_, SharesOf::directions);
-  if (samples_.visibility.blocks_nothing()) return of_vertices(own_, SharesOf::directions);
-  cells_.update(map, glm::transpose(samples_.turned), samples_.visibility.size);
-  if (material.reads_irradiance())
+  const bool blocks = !samples_.visibility.blocks_nothing();
+  if (blocks) cells_.update(map, glm::transpose(samples_.turned), samples_.visibility.size);
+  if (blocks && material.reads_irradiance())
     diffuse_shares(samples_.visibility, cells_, light_.irradiance, samples_.normals,
                    samples_.turned, own_);
-  const std::optional<LobeShape> lobe = material.lobe();
+  const std::optional<LobeShape> lobe = blocks ? material.lobe() : std::nullopt;
   std::optional<NearLobes> near_lobes;
   if (lobe && !near_changes_.empty())
     near_lobes.emplace(scene_, near_, cells_, glm::vec3(map.level_at_most(16).mean()), *lobe);

@@ -381,7 +381,9 @@ std::shared_ptr<const SceneSamples> sample(const Scene& scene, Pose pose, const 
 }  // namespace
 
 glm::vec3 shift_of(const Scene& scene, const SceneSamples& samples) {
-  return glm::vec3(scene.marker_from_object.translation - glm::dvec3(0, 0, samples.lifted));
+  const glm::dvec3 middle =
+      (glm::dvec3(samples.centre) - glm::dvec3(0, 0, samples.lifted)) * glm::dmat3(samples.turned);
+  return glm::vec3(scene.marker_from_object * middle - glm::dvec3(samples.centre));
 }
 
 std::shared_ptr<const SceneSamples> sample_scene(const Scene& scene, const Progress& progress) {

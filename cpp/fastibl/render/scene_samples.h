@@ -89,7 +89,8 @@ class SceneSamples {
   bool empty() const { return seen == 0; }
 };
 
-// From the samples' frame to the marker's: where the object stands now.
+// From the samples' frame to the marker's: the object's middle is then where it is now, whether or
+// not it was turned.
 glm::vec3 shift_of(const Scene& scene, const SceneSamples& samples);
 
 // Samples as seen from all round. Null where the directions that the object blocks were not worked

@@ -218,7 +218,7 @@ void Session::set_material(const Material& material) {
 void Session::move(const Pose& marker_from_object) {
   marker_from_object.validate();
   scene_.marker_from_object = marker_from_object;
-  if (lit() && !light_moves() && !judge_.knows(light_summary())) judge_.forget();
+  if (lit() && !light_moves()) judge_.follow_move(light_summary());
   update_plan();  // a lamp may be near from now on
   stale_ |= product::placement;
 }
@@ -331,15 +331,17 @@ std::shared_ptr<const CubeMap> Session::radiance() const {
 }
 
 NearLights Session::near_lights() const {
-  return lighting_ ? lighting_->near_lights : find_near_lights(*environment_);
+  const bool known = lighting_ && lighting_->radiance.get() == &environment_->radiance;
+  const NearLights* before = lighting_ ? &lighting_->near_lights : nullptr;
+  return known ? lighting_->near_lights : find_near_lights(*environment_, before);
 }
 
 LightSummary Session::light_summary() const {
   LightSummary light = summary_of(environment_->radiance);
-  if (scene_.samples && !environment_->light_positions.empty())
-    light.nearby = near_change(environment_->radiance, near_lights(),
-                             scene_.samples->centre + shift_of(scene_, *scene_.samples),
-                             scene_.samples->radius);
+  if (!scene_.samples) return light;
+  const SceneSamples& samples = *scene_.samples;
+  light.nearby =
+      near_change(light, near_lights(), samples.centre + shift_of(scene_, samples), samples.radius);
   return light;
 }
 
@@ -564,7 +566,7 @@ void Session::process(const Frame& given, FrameResult& result) {
 
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
   judge_.add_frame();
-  if (environment_ && judge_.looks()) judge_.follow(light_summary());
+  if (!fixed_environment_ && environment_ && judge_.looks()) judge_.follow(light_summary());
   update_plan();  // its errors, now that this frame's light is known
   if (!drawn_from_) renderer_->show(frame.back, drawn_by_);
   if (options_.read_back)

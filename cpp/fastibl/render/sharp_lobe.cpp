@@ -35,8 +35,7 @@ SharpLobe::SharpLobe(const CubeMap& map, const SceneSamples& samples, const Samp
       near_(near_lights),
       height_(lobe),
       width_(width_of(lobe)),
-      mirror_(width_ < 0.5f * kFaceAngle / float(map.size())),
-      by_pieces_(width_ > kFaceAngle / float(kSamplesSize * BrightPieces::kParts)) {
+      mirror_(width_ < 0.5f * kFaceAngle / float(map.size())) {
   if (mirror_) return;
   // The lobe has fallen to 1e-4 here.
   constexpr float kWidths = 4.3f;
@@ -83,6 +82,9 @@ SharpLobe::Light SharpLobe::operator()(std::size_t sample) {
     return light;
   }
   lit_.clear(), free_.clear();
+  // Whether the lobe is wider than the pieces of near lights seem there.
+  constexpr float kPiece = kFaceAngle / float(kSamplesSize * BrightPieces::kParts);
+  by_pieces_ = width_ * near_.nearness(s.position) > kPiece;
   constexpr float kDiagonal = 0.045f;  // half of a texel's
   const float near_cosine = std::cos(reach_ + kDiagonal);
   const int parts = parts_for(width_, glm::dot(s.normal, s.to_eye));
@@ -90,14 +92,16 @@ SharpLobe::Light SharpLobe::operator()(std::size_t sample) {
     const glm::vec3 d = samples_.directions[k];
     if (glm::dot(d, mirror) > near_cosine)
       add_parts(k, s.position, mirror, parts, is_free(k));
-    else if (height_.ggx && glm::dot(d, s.normal) > 0)
-      lit_.add(d, samples_.solid_angles[k], flux_[k]), free_.push_back(free[k]);
+    else if (height_.ggx && glm::dot(d, s.normal) > 0) {
+      lit_.add(d, samples_.solid_angles[k],
+               flux_[k] - (by_pieces_ ? near_.taken(k) : glm::vec3(0)));
+      free_.push_back(free[k]);
+    }
   }
   if (by_pieces_ && !near_.empty()) {
     near_.look(s.position, near_seen_);
     for (std::size_t i = 0; i < near_seen_.size(); ++i) {
       const glm::vec3 d = near_seen_.direction(i);
-      if (!(glm::dot(d, mirror) > std::cos(reach_))) continue;
       lit_.add(d, 0, near_seen_.flux(i));
       free_.push_back(is_free(SceneSamples::direction_at(d)));
     }

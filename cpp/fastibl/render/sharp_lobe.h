@@ -40,9 +40,9 @@ class SharpLobe {
   const SampleFlux& flux_;
   const NearTruth& near_;
   LobeHeight height_;
-  float width_;      // standard deviation around the mirror direction, radians
-  bool mirror_;      // whether it is narrower than the map's texels
-  bool by_pieces_;   // whether it is wider than those of near lights
+  float width_;            // standard deviation around the mirror direction, radians
+  bool mirror_;            // whether it is narrower than the map's texels
+  bool by_pieces_ = true;  // of near lights: how they are summed
   float reach_ = 0;  // radians from the mirror direction; light from beyond is summed coarsely
   LitList lit_;
   std::vector<std::uint8_t> free_;  // of each direction of lit_

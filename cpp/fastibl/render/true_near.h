@@ -1,6 +1,8 @@
 // Near lights where they are, as the samples of a scene truly see them.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "fastibl/core/vector.h"
@@ -23,16 +25,24 @@ class NearTruth {
   // The pieces of the lights: as the map has them, and as a place sees them.
   const LitList& distant() const { return distant_; }
   void look(glm::vec3 from, LitList& seen) const;
-  // What the map would show in a direction (unit) without the lights, where it shows `radiance`.
+  // What the map would show in a direction (unit) without the pieces, where it shows `radiance`.
   glm::vec3 without(glm::vec3 direction, glm::vec3 radiance) const;
-  // What a place sees there. level: of the map.
+  // What the pieces send of the light in one of the samples' directions.
+  glm::vec3 taken(std::size_t direction) const;
+  // How near the nearest light is to a place, by its distance from the centre; infinite for none.
+  float nearness(glm::vec3 from) const;
+  // What a place sees in a direction. level: of the map.
   glm::vec3 radiance(const CubeLevel& level, glm::vec3 from, glm::vec3 direction,
                      glm::vec3 radiance) const;
 
  private:
+  const NearLight* own(glm::vec3 direction) const;  // of the piece there; null: none
+
   NearLights lights_;
   LitList distant_;
   std::vector<float> inverse_distances_;  // of its pieces, 1 / m
+  std::vector<std::uint8_t> cut_;         // for each of the samples' directions, as BrightPieces
+  std::vector<glm::vec3> taken_;
 };
 
 }  // namespace fastibl
