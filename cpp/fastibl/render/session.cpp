@@ -186,7 +186,8 @@ void Session::update_plan(bool choose) {
     options.object = parts;
   options.slowdown = time_.slowdown();
   options.light_in_turns = in_turns_, options.light_lag = double(light_lag_);
-  if (lit()) options.light_unjudged = judge_.unjudged(light_summary());
+  if (lit() && !judge_.measured().empty())
+    options.light_unjudged = judge_.unjudged(light_summary());
   // Under light that stays, the choice must not depend on earlier choices.
   const Methods before = plan_.methods;
   options.settled = !choose && plan_.picture_error;
