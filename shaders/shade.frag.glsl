@@ -110,7 +110,7 @@ vec3 shade(vec3 position, vec3 n, vec4 share, vec3 color) {
 #elif GLOSSY == 1
   vec3 value = sample_radiance(looked(2.0 * cosine * n - v, position), level);
 #elif GLOSSY == 5
-  vec3 value = sampled_lobe(n, v);
+  vec3 value = sampled_lobe(n, v, position);
 #else
   vec3 value = glossy_from_chain(n, v, cosine, position);
 #endif

@@ -115,7 +115,8 @@ def true_glossy(normals, view, exponent, distance, lamp, radius):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("exponent", [300.0, 1000.0, 4000.0])
-def test_sharp_highlights_are_where_the_lamp_is(exponent, backend):
+@pytest.mark.parametrize("method", ["stretched", "sampled"])
+def test_sharp_highlights_are_where_the_lamp_is(method, exponent, backend):
     """On a shiny ball close to a lamp. Look-ups so fine that they hold the lamp show it where the map has it."""
     radius, distance, lamp = 0.03, 0.15, 0.015
     mesh = fastibl.Mesh(*icosphere(radius, CENTRE, 4))
@@ -123,7 +124,7 @@ def test_sharp_highlights_are_where_the_lamp_is(exponent, backend):
     camera, pose = camera_of(160, 160, 3.0), looking(CENTRE - eye, eye)
     cube = lamp_map(lamp, distance, size=128)
     scene = scene_of(mesh, fastibl.Material((0, 0, 0), (1, 1, 1), exponent), visibility_rays=0)
-    methods = {"glossy": "stretched", "self_shadow": "none", "bounce": "none"}
+    methods = {"glossy": method, "self_shadow": "none", "bounce": "none"}
     environments = {
         "near": placed(cube, [*(CENTRE + distance * TOWARDS), lamp]),
         "distant": fastibl.Environment(cube, centre=CENTRE),
@@ -638,13 +639,13 @@ def mirrored(places, middle, yaw):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("yaw", [0.0, 0.7])
-@pytest.mark.parametrize("kind", ["mirror", "mip", "pbr"])
+@pytest.mark.parametrize("kind", ["mirror", "mip", "sampled", "pbr", "sampled pbr"])
 def test_walls_of_a_box_are_seen_where_they_are(kind, yaw, backend):
     middle = np.array([0.06, 0.04, 0.05])
     ball = fastibl.Mesh(*icosphere(0.05, middle, 5))
     material = fastibl.Material(diffuse=(0, 0, 0), glossy=(1, 1, 1), exponent=1e5)
-    methods = {"self_shadow": "none", **({"glossy": "mip"} if kind == "mip" else {})}
-    if kind == "pbr":
+    methods = {"self_shadow": "none", **({"glossy": kind.split()[0]} if kind.startswith(("mip", "sampled")) else {})}
+    if kind.endswith("pbr"):
         material = fastibl.Material.pbr((1, 1, 1), 1.0, 0.1)
     errors = {}
     for name, box in {"box": {"box": ROOM.tolist(), "box_yaw": yaw}, "infinity": {}}.items():
@@ -655,8 +656,8 @@ def test_walls_of_a_box_are_seen_where_they_are(kind, yaw, backend):
         ours = np.abs(light - true)[facing < -0.5]  # towards the rim a pixel shows half the room
         errors[name] = np.sqrt((ours**2).mean()) / true.mean()
     print(kind, backend, yaw, errors)
-    assert errors["box"] < (0.05 if kind == "pbr" else 0.03)
-    assert errors["box"] < errors["infinity"] / (2 if kind == "pbr" else 3)
+    assert errors["box"] < (0.05 if kind.endswith("pbr") else 0.03)
+    assert errors["box"] < errors["infinity"] / (2 if kind.endswith("pbr") else 3)
 
 
 def test_a_box_without_its_centre_is_refused():

@@ -100,7 +100,7 @@ vec2 sample_ggx_albedo(vec3 view, float rough) {
 
 #if GLOSSY == 8
 vec3 sample_ggx(mat3 frame, vec3 view, vec2 alpha, vec3 position, vec2 albedo, out vec3 edge) {
-  vec3 front = sampled_ggx_lobe(frame, view, alpha, edge);
+  vec3 front = sampled_ggx_lobe(frame, view, alpha, position, edge);
   edge *= albedo.y;
   return albedo.x * front;
 }

@@ -5,6 +5,13 @@
 // A vector towards the light; its length is the light's distance divided by that from the centre.
 FN vec3 near_arrow(vec3 direction, float rho, vec3 offset) { return direction - rho * offset; }
 
+// How far along a ray d (unit) from a place the unit sphere is crossed, first and second; below 0: behind, or not at all.
+FN vec2 sphere_crossings(vec3 d, vec3 place) {
+  float along = dot(place, d), inside = along * along - dot(place, place) + 1.0f;
+  float middle = inside < 0.0f ? -1.0f : -along, half_chord = sqrt(max(inside, 0.0f));
+  return vec2(middle - half_chord, middle + half_chord);
+}
+
 // A light of the glossy chain seen from such a place. Its radiance summed over its solid angle grows by `gain`, and so
 // does its variance (along each axis, radians squared), but to no more than that of a light all around.
 struct PlacedLight {

@@ -1,12 +1,16 @@
-// Glossy light by filtered samples: the same as scene/sampled_lobe.cpp. Needs shared/radiance.glsl, and for glTF's
-// model shared/ggx_light.glsl and shared/ggx.glsl.
+// Glossy light by filtered samples: the same as scene/sampled_lobe.cpp. Needs shared/radiance.glsl,
+// shared/placed_light.glsl, looked() of shade.frag.glsl, and for glTF's model shared/ggx_light.glsl and shared/ggx.glsl.
 uniform int taps;
 #if GLOSSY == 5
 uniform float exponent;   // below infinity
 #endif
 uniform float face_size;  // texels along a face of level 0
 
-vec3 nearest_texel(vec3 d) {
+uniform samplerCube near_radiance;  // what near lights send, as the map has it
+uniform int near_count;
+uniform vec4 near_places[32];  // directions of the lights from the map's centre, 1 / distance
+
+vec3 texel_middle(vec3 d) {
   vec3 a = abs(d);
   vec3 p = d / max(a.x, max(a.y, a.z));
   vec3 middle = (floor((0.5 * p + 0.5) * face_size) + 0.5) / face_size * 2.0 - 1.0;
@@ -14,18 +18,40 @@ vec3 nearest_texel(vec3 d) {
   if (a.x >= a.y && a.x >= a.z) p.yz = middle.yz;
   else if (a.y >= a.z) p.xz = middle.xz;
   else p.xy = middle.xy;
-  return radiance_scale * textureLod(radiance, p, 0.0).rgb;
+  return p;
 }
 
-vec3 filtered_tap(vec3 l, float solid_angle, float texel_share) {
+vec3 filtered_tap(samplerCube map, vec3 l, float solid_angle, float texel_share) {
   vec3 a = abs(l);
   float major = max(a.x, max(a.y, a.z));
   float texel = 4.0 / (face_size * face_size) * major * major * major;
   float tap_level = 0.5 * log2(max(solid_angle, 1e-30) / texel);
-  if (tap_level >= 0.0 || texel_share <= 0.0) return sample_radiance(l, tap_level);
+  if (tap_level >= 0.0 || texel_share <= 0.0) return sample_map(map, l, tap_level);
   float share = texel_share * clamp(-tap_level - 1.0, 0.0, 1.0);
-  vec3 blended = share < 1.0 ? sample_radiance(l, 0.0) : vec3(0.0);
-  return share > 0.0 ? blended + share * (nearest_texel(l) - blended) : blended;
+  vec3 blended = share < 1.0 ? sample_map(map, l, 0.0) : vec3(0.0);
+  if (!(share > 0.0)) return blended;
+  return blended + share * (radiance_scale * textureLod(map, texel_middle(l), 0.0).rgb - blended);
+}
+
+// What `position` sees in direction d, near lights and walls where they are: the same as scene/seen_map.cpp.
+vec3 seen_tap(vec3 d, vec3 position, float solid_angle, float texel_share) {
+  vec3 l = normalize(looked(d, position));
+  vec3 sum = filtered_tap(radiance, l, solid_angle, texel_share);
+  if (near_count == 0) return sum;
+  sum = max(sum - filtered_tap(near_radiance, l, solid_angle, texel_share), 0.0);
+  for (int i = 0; i < near_count; ++i) {
+    vec3 from = near_places[i].w * (position - map_centre);
+    vec2 ways = sphere_crossings(d, from);
+    for (int k = 0; k < 2; ++k) {
+      float way = k == 0 ? ways.x : ways.y;
+      vec3 met = from + way * d;
+      bool own = way > 0.0;
+      for (int j = 0; j < near_count; ++j)
+        if (dot(met, near_places[j].xyz) > dot(met, near_places[i].xyz)) own = false;
+      if (own) sum += filtered_tap(near_radiance, met, way * way * solid_angle, texel_share);
+    }
+  }
+  return sum;
 }
 
 // For tap i: beyond, the share of the lobe that is farther from the normal; turn, the angle about the normal; side, the
@@ -39,7 +65,7 @@ void equal_share(int i, out float beyond, out float turn, out float side) {
 }
 
 #if GLOSSY == 5
-vec3 sampled_lobe(vec3 n, vec3 v) {
+vec3 sampled_lobe(vec3 n, vec3 v, vec3 position) {
   vec3 t = incidence_tangent(n, v), b = cross(n, t);
   float power = 1.0 / (exponent + 1.0), texel_share = sampled_texel_share(exponent, face_size);
   vec3 sum = vec3(0.0);
@@ -56,13 +82,13 @@ vec3 sampled_lobe(vec3 n, vec3 v) {
     vec3 l = 2.0 * vh * h - v;
     float nl = dot(n, l);
     if (!(vh > 0.0 && nl > 0.0)) continue;
-    sum += vh * nl * filtered_tap(l, 4.0 * vh * 6.2831853 * power / float(taps) * c / u, texel_share);
+    sum += vh * nl * seen_tap(l, position, 4.0 * vh * 6.2831853 * power / float(taps) * c / u, texel_share);
     total += vh * nl;
   }
-  return total > 1e-12 ? sum / total : sample_radiance(2.0 * dot(n, v) * n - v, 0.0);
+  return total > 1e-12 ? sum / total : seen_tap(2.0 * dot(n, v) * n - v, position, 0.0, 0.0);
 }
 #else
-vec3 sampled_ggx_lobe(mat3 frame, vec3 view, vec2 alpha, out vec3 edge) {
+vec3 sampled_ggx_lobe(mat3 frame, vec3 view, vec2 alpha, vec3 position, out vec3 edge) {
   GgxLobe lobe = ggx_lobe(view, alpha);
   float texel_share = sampled_texel_share(2.0 / (alpha.x * alpha.y), face_size);
   vec3 front = vec3(0.0);
@@ -76,14 +102,14 @@ vec3 sampled_ggx_lobe(mat3 frame, vec3 view, vec2 alpha, out vec3 edge) {
     if (!(part.w > 0.0)) continue;
     vec3 l = part.xyz / part.w;
     float solid_angle = ggx_solid_angle(lobe, l, 3.14159265 / (u * u * float(taps)));
-    vec3 radiance = filtered_tap(frame * l, solid_angle, texel_share);
+    vec3 seen = seen_tap(frame * l, position, solid_angle, texel_share);
     float e = part.w * ggx_edge(l, lobe.view), f = part.w - e;
-    front += f * radiance;
-    edge += e * radiance;
+    front += f * seen;
+    edge += e * seen;
     total += vec2(f, e);
   }
   if (!(total.x + total.y > 1e-12)) {
-    edge = sample_radiance(frame * vec3(-lobe.view.xy, lobe.view.z), 0.0);
+    edge = seen_tap(frame * vec3(-lobe.view.xy, lobe.view.z), position, 0.0, 0.0);
     return edge;
   }
   edge /= total.y;

@@ -5,6 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/core/parallel.h"
+
 namespace fastibl {
 namespace {
 
@@ -170,6 +172,22 @@ NearLights find_near_lights(const Environment& environment, const NearLights* be
     const NearLight light = search.light(place);
     if (light.irradiance != glm::vec3(0)) out.lights.push_back(light);
   }
+  return out;
+}
+
+CubeMap near_radiance(const CubeMap& map, const NearLights& near_lights) {
+  CubeMap out(map.size());
+  const CubeLevel& from = map.level(0);
+  CubeLevel& to = out.base();
+  parallel_for(6 * map.size(), 16, [&](int begin, int end) {
+    for (int row = begin; row < end; ++row)
+      for (int f = row / map.size(), y = row % map.size(), x = 0; x < map.size(); ++x) {
+        const glm::vec3 d = glm::normalize(texel_direction(f, x, y, map.size()));
+        if (const NearLight* light = near_lights.towards(d))
+          to.texel(f, x, y) = glm::max(from.texel(f, x, y) - light->around, 0.0f);
+      }
+  });
+  out.update();
   return out;
 }
 

@@ -1,6 +1,7 @@
 // The part of a map's light that comes from lights whose place is known.
 #pragma once
 
+#include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/environment.h"
 #include "fastibl/scene/near_light.h"
 
@@ -17,5 +18,8 @@ namespace fastibl {
 // or a tenth at most, also where it is no longer known to be near: a distance that is found all at
 // once would move its shadows all at once. From far away to 2.5 m takes 18 maps, to 0.4 m 37.
 NearLights find_near_lights(const Environment& environment, const NearLights* before = nullptr);
+
+// What of a map these lights send: all that is brighter, within their outlines, than around them.
+CubeMap near_radiance(const CubeMap& map, const NearLights& near_lights);
 
 }  // namespace fastibl

@@ -1,5 +1,7 @@
 #include "fastibl/lighting/fit_lighting.h"
 
+#include <algorithm>
+
 #include "fastibl/core/check.h"
 #include "fastibl/lighting/find_near_lights.h"
 #include "fastibl/lighting/fit_glossy_chain.h"
@@ -77,6 +79,15 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
     lighting.light_distances.push_back(inverse_distance(lighting, light.direction));
 }
 
+void fit_near_radiance(Lighting& lighting) {
+  lighting.near_radiance.reset();
+  if (lighting.glossy != GlossyMethod::sampled || lighting.near_lights.empty()) return;
+  NearLights shown = lighting.near_lights;
+  shown.lights.resize(std::min(shown.lights.size(), kMostSampledNear));
+  lighting.near_radiance =
+      std::make_shared<const CubeMap>(near_radiance(*lighting.radiance, shown));
+}
+
 double irradiance_error(Lighting& lighting) {
   if (!lighting.irradiance_error && lighting.radiance)
     lighting.irradiance_error =
@@ -117,6 +128,7 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     lighting.near_lights = before && previous->radiance == lighting.radiance
                                ? *before
                                : find_near_lights(*options.environment, before);
+    fit_near_radiance(lighting);
     lighting.box = options.environment->box;
   }
   if (options.chain && reads_chain(lighting.glossy))

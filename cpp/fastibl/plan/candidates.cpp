@@ -26,9 +26,6 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
                   {GlossyMethod::stretched, {2, -1}}, {GlossyMethod::stretched, {3, -1}},
                   {GlossyMethod::sampled, {64, -1}},  {GlossyMethod::sampled, {256, -1}}};
     if (options.offline) all.glossy.push_back({GlossyMethod::sampled, {1024, -1}});
-    if (options.boxed)
-      std::erase_if(all.glossy,
-                    [](const GlossyCandidate& g) { return g.method == GlossyMethod::sampled; });
     if (options.pbr)
       std::erase_if(all.glossy,
                     [](const GlossyCandidate& g) { return g.method == GlossyMethod::stretched; });
@@ -39,6 +36,7 @@ Candidates candidates(const Methods& asked, const CandidateOptions& options) {
     }
     if (options.placed)
       std::erase_if(all.glossy, [](const GlossyCandidate& g) {
+        if (g.method == GlossyMethod::sampled) return false;
         const bool takes_out =
             g.method == GlossyMethod::centroid || g.method == GlossyMethod::stretched;
         return !takes_out || g.settings.lights == 0;

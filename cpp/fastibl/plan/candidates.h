@@ -37,8 +37,7 @@ struct CandidateOptions {
   bool glossy = true;    // false: nothing glossy is shaded, and the default stays
   bool pbr = false;      // GGX reads a chain with its own taps, whatever `stretched` would do
   bool hurried = false;  // there is a time budget
-  bool boxed = false;    // walls are near: samples of a lobe would see them as if far away
-  // Lights have places: only methods that take them out of the map shade them where they are.
+  // Lights have places: only methods that know of single lights shade them where they are.
   bool placed = false;
   bool traced = true;  // the back end has this method
   // For pictures, not a live view: adds what takes a millisecond for a few hundred pixels,

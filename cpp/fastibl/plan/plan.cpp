@@ -167,7 +167,6 @@ CandidateOptions candidate_options(const Scene& scene, const Environment& enviro
   options.baked_shadow = scene.baked_shadow != nullptr;
   options.glossy = scene.material.reads_radiance();
   options.pbr = scene.material.pbr != nullptr;
-  options.boxed = environment.box.has_value();
   options.placed = !environment.light_positions.empty();
   return options;
 }

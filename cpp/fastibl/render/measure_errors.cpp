@@ -405,6 +405,7 @@ struct ErrorMeasurement::Work {
     options.irradiance = options.chain = false;
     Lighting lighting = fit_lighting(map, options);
     lighting.irradiance = reference.irradiance, lighting.near_lights = near_lights;
+    fit_near_radiance(lighting);
     if (reads_chain(lighting.glossy)) fit_chain(lighting, chain), chain = lighting.chain;
     glossy.push_back(sample_colours(samples, samples.seen, material, lighting, {0, 0, 0, 1}));
     subtract(glossy.back(), judged->emission);

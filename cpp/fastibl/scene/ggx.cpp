@@ -112,7 +112,7 @@ std::vector<DiscPlace> disc_places(int steps, int turns) {
   return places;
 }
 
-GgxLight sampled_ggx(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
+GgxLight sampled_ggx(const SeenMap& map, const SurfaceFrame& frame, glm::vec3 view, glm::vec2 alpha,
                      int taps) {
   // The view as the lobe uses it: above the horizon.
   const float up = glm::dot(view, frame.normal);
@@ -196,7 +196,8 @@ GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::
   check(lighting_->radiance != nullptr, "the lighting has no map");
   for (int k = 0; k < 2; ++k) alpha[k] = std::min(std::max(kSmallestAlpha, alpha[k]), 1.0f);
   if (options.method == GgxMethod::sampled)
-    return sampled_ggx(*lighting_->radiance, frame, view, alpha, options.taps);
+    return sampled_ggx({*lighting_, walls_ ? &*walls_ : nullptr, position}, frame, view, alpha,
+                       options.taps);
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                         glm::dot(view, frame.normal));
   const shared::GgxLobe lobe = shared::ggx_lobe(local, alpha);

@@ -119,7 +119,7 @@ GlossyShading::GlossyShading(const Lighting& lighting, float exponent)
     lights_ = arrays_of(lighting);
   }
   if (lighting.box) walls_.emplace(*lighting.box, lighting.near_lights.centre);
-  placed_ = walls_ || lights_.any_near;
+  placed_ = walls_ || lights_.any_near || lighting.near_radiance;
 }
 
 // Where the map shows what is seen in that direction.
@@ -187,8 +187,8 @@ glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine,
   if (method_ == GlossyMethod::mip)
     return lighting_->radiance->sample(looked(2 * cosine * n - v, position), level_);
   if (method_ == GlossyMethod::sampled)
-    return mean_radiance(
-        lobe_taps(*lighting_->radiance, n, v, {exponent_}, lighting_->glossy_settings.taps));
+    return mean_radiance(lobe_taps({*lighting_, walls_ ? &*walls_ : nullptr, position}, n, v,
+                                   {exponent_}, lighting_->glossy_settings.taps));
   const glm::vec3 value = from_chain(n, v, cosine, position);
   if (exponent_ >= 1) return value;
   const glm::vec3 matte = evaluate(lighting_->irradiance, n) / kPi;

@@ -26,6 +26,9 @@ struct Lighting {
                                              // measured; 0 where no irradiance was asked for
   // The lights of the map whose place is known. All other fields hold their light too, as distant.
   NearLights near_lights;
+  // What the first kMostSampledNear of them send, as the map has it; null where none is near, and
+  // for methods other than `sampled`.
+  std::shared_ptr<const CubeMap> near_radiance;
   // Walls that glossy surfaces see at their true place, around the centre of near_lights.
   std::optional<RoomBox> box = {};
   std::vector<float>

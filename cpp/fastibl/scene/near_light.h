@@ -3,6 +3,7 @@
 // distance ρ. Where ρ is 0 they are like all other light; see shaders/shared/near_light.glsl.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -17,6 +18,9 @@ struct NearLight {
   glm::vec3 irradiance{0};       // on a surface that faces it at the centre
   glm::vec3 around{0};           // radiance of what is around it: what is brighter is its own
 };
+
+// Of so many lights `sampled` shows where they are; others are where the map has them.
+inline constexpr std::size_t kMostSampledNear = 32;
 
 struct NearLights {
   glm::vec3 centre{0};  // of the map, metres, marker frame

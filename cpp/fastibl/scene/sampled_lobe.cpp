@@ -15,7 +15,7 @@ namespace {
 struct Share {
   double beyond;  // part of the lobe's integral that lies farther from the normal than this tap
   double turn;    // angle from the x axis
-  double side;          // 1 or −1: sign of y
+  double side;    // 1 or −1: sign of y
 };
 std::vector<Share> equal_shares(int taps) {
   std::vector<Share> shares;
@@ -75,25 +75,6 @@ struct SlopeLattice {
   }
 };
 
-glm::vec3 nearest_texel(const CubeLevel& level, glm::vec3 direction) {
-  const TexelPlace at = texel_at(direction, level.size());
-  return level.texel(at.face, at.x, at.y);
-}
-
-// Mean over about this solid angle around a unit direction.
-glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float nearest) {
-  const glm::vec3 a = glm::abs(l);
-  const float major = std::max({a.x, a.y, a.z}), n = float(map.size());
-  const float texel = 4 / (n * n) * major * major * major;
-  const float level = 0.5f * std::log2(std::max(solid_angle, 1e-30f) / texel);
-  if (level >= 0 || nearest <= 0) return map.sample(l, level);
-  // Goes from the blend between texels to the texels themselves where four to sixteen taps fall on
-  // each; fewer taps would count texels unevenly.
-  const float share = nearest * std::clamp(-level - 1, 0.0f, 1.0f);
-  const glm::vec3 texels = nearest_texel(map.level(0), l);
-  return share >= 1 ? texels : glm::mix(map.sample(l, 0), texels, share);
-}
-
 // A thread's taps, kept to reuse their memory.
 class Taps {
  public:
@@ -102,9 +83,9 @@ class Taps {
     found().push_back({direction, radiance, weight});
     total_ += weight;
   }
-  std::span<const LobeTap> or_mirror(const CubeMap& map, glm::vec3 mirror) {
+  std::span<const LobeTap> or_mirror(const SeenMap& map, glm::vec3 mirror) {
     // Below this, all taps graze, and their light times such weights would vanish in float.
-    if (!(total_ > 1e-12f)) found().assign(1, {mirror, map.sample(mirror, 0), 1});
+    if (!(total_ > 1e-12f)) found().assign(1, {mirror, map.sample(mirror), 1});
     return found();
   }
 
@@ -116,7 +97,7 @@ class Taps {
   float total_ = 0;
 };
 
-std::span<const LobeTap> power_taps(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 v,
+std::span<const LobeTap> power_taps(const SeenMap& map, const SurfaceFrame& frame, glm::vec3 v,
                                     float s, int taps) {
   const auto& [t, b, n] = frame;
   const glm::vec3 mirror = 2 * glm::dot(n, v) * n - v;
@@ -132,14 +113,14 @@ std::span<const LobeTap> power_taps(const CubeMap& map, const SurfaceFrame& fram
     const float nl = glm::dot(n, l);
     if (!(vh > 0 && nl > 0)) continue;
     // dl = 4 (v·h) dh
-    found.add(l, filtered(map, l, 4 * vh * half.solid_angle, nearest), vh * nl);
+    found.add(l, map.mean(l, 4 * vh * half.solid_angle, nearest), vh * nl);
   }
   return found.or_mirror(map, mirror);
 }
 
 }  // namespace
 
-std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& frame, glm::vec3 v,
+std::span<const LobeTap> ggx_lobe_taps(const SeenMap& map, const SurfaceFrame& frame, glm::vec3 v,
                                        glm::vec2 alpha, int taps, float f0) {
   thread_local SlopeLattice lattice;
   lattice.set(taps);
@@ -154,14 +135,13 @@ std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& f
     if (!(part.w > 0)) continue;
     const glm::vec3 l = glm::vec3(part) / part.w;
     const glm::vec3 direction = turned(l);
-    found.add(direction,
-              filtered(map, direction, shared::ggx_solid_angle(lobe, l, slope.area), nearest),
+    found.add(direction, map.mean(direction, shared::ggx_solid_angle(lobe, l, slope.area), nearest),
               part.w * (f0 + (1 - f0) * shared::ggx_edge(l, lobe.view)));
   }
   return found.or_mirror(map, turned({-lobe.view.x, -lobe.view.y, lobe.view.z}));
 }
 
-std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 n, glm::vec3 v,
+std::span<const LobeTap> lobe_taps(const SeenMap& map, glm::vec3 n, glm::vec3 v,
                                    const LobeShape& lobe, int taps) {
   const glm::vec3 t = shared::incidence_tangent(n, v);
   const SurfaceFrame frame{t, glm::cross(n, t), n};

@@ -4,9 +4,9 @@
 
 #include <span>
 
-#include "fastibl/scene/cube_map.h"
 #include "fastibl/scene/ggx.h"
 #include "fastibl/scene/material.h"
+#include "fastibl/scene/seen_map.h"
 
 namespace fastibl {
 
@@ -23,12 +23,12 @@ struct LobeTap {
 // finer than a texel read the texel itself, so that sums tend to those over the map. Taps below the
 // horizon are left out; if all are, the mirror direction is the only tap. normal, view: unit
 // vectors; the exponent may be ∞. The result is valid until the thread's next call.
-std::span<const LobeTap> lobe_taps(const CubeMap& map, glm::vec3 normal, glm::vec3 view,
+std::span<const LobeTap> lobe_taps(const SeenMap& map, glm::vec3 normal, glm::vec3 view,
                                    const LobeShape& lobe, int taps);
 
 // The same for GGX's lobe D G2 with any two alphas. frame: the first alpha is along its tangent.
 // f0: 1, or the f0 of the Schlick Fresnel term that weights the taps.
-std::span<const LobeTap> ggx_lobe_taps(const CubeMap& map, const SurfaceFrame& frame,
+std::span<const LobeTap> ggx_lobe_taps(const SeenMap& map, const SurfaceFrame& frame,
                                        glm::vec3 view, glm::vec2 alpha, int taps, float f0 = 1);
 
 // The mean radiance by these taps; for Blinn's lobe ∫ L (n·h)^s max(n·l, 0) dl divided by

@@ -23,7 +23,7 @@ constexpr std::pair<const char*, int> kUnits[] = {
     {"linear_back", 9},   {"screen", 0},         {"given", 2},         {"large", 1},
     {"pixel_shares", 4},  {"entries", 5},        {"lobe_masks", 7},    {"bright", 8},
     {"tree", 9},          {"lobe_cells", 10},    {"self_shares", 11},   {"near_lights", 12},
-    {"near_entries", 13}};
+    {"near_entries", 13}, {"near_radiance", 7}};
 static_assert(std::ranges::all_of(kUnits, [](const auto& u) { return u.second < kTextureUnits; }),
               "a unit whose state is not given back");
 

@@ -101,6 +101,22 @@ void LightTextures::upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMa
   radiance_versions_.assign(map->tile_versions().begin(), map->tile_versions().end());
 }
 
+void LightTextures::upload_sampled(Gpu& gpu, const Lighting& lighting) {
+  upload_radiance(gpu, lighting.radiance);
+  const std::shared_ptr<const CubeMap>& map = lighting.near_radiance;
+  if (!map || (map == near_map_ && near_scale_ == radiance_scale_)) return;
+  glActiveTexture(GL_TEXTURE0);
+  if (!near_.id) near_.id = gpu.new_texture();
+  glBindTexture(GL_TEXTURE_CUBE_MAP, near_.id);
+  const bool fits = near_map_ && near_map_->size() == map->size();
+  near_map_.reset();  // until the upload is complete
+  for (int k = 0; k < map->level_count(); ++k)
+    upload_level(gpu, map->level(k), k, 1 / radiance_scale_, fits);
+  set_sampling(GL_TEXTURE_CUBE_MAP, GL_LINEAR, GL_LINEAR_MIPMAP_NEAREST);
+  glTexParameteri(GL_TEXTURE_CUBE_MAP, GL_TEXTURE_MAX_LEVEL, map->level_count() - 1);
+  near_map_ = map, near_scale_ = radiance_scale_;
+}
+
 void LightTextures::upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain) {
   check(chain && chain->map, "the glossy chain is missing");
   upload_radiance(gpu, chain->map);
@@ -158,6 +174,21 @@ void LightTextures::bind_radiance(Gpu& gpu, const Program& p) const {
   gpu.bind("radiance", cube_, GL_TEXTURE_CUBE_MAP);
   glUniform1f(p.uniform("radiance_scale"), radiance_scale_);
   glUniform1f(p.uniform("top_level"), float(radiance_levels_ - 1));
+}
+
+void LightTextures::bind_sampled(Gpu& gpu, const Program& p, const Lighting& lighting) const {
+  bind_radiance(gpu, p);
+  glUniform1i(p.uniform("taps"), lighting.glossy_settings.taps);
+  glUniform1f(p.uniform("face_size"), float(lighting.radiance->size()));
+  // A sampler needs a texture of its kind even where none is read.
+  gpu.bind("near_radiance", lighting.near_radiance ? near_ : cube_, GL_TEXTURE_CUBE_MAP);
+  std::vector<glm::vec4> places;
+  if (lighting.near_radiance)
+    for (const NearLight& light : lighting.near_lights.lights)
+      places.emplace_back(light.direction, light.inverse_distance);
+  const int count = int(std::min(places.size(), kMostSampledNear));
+  glUniform1i(p.uniform("near_count"), count);
+  if (count > 0) glUniform4fv(p.uniform("near_places"), count, &places[0].x);
 }
 
 void LightTextures::bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe,

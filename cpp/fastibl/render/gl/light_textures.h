@@ -21,11 +21,15 @@ class LightTextures {
   // the versions of its tiles tell. Values in half floats are scaled: these end at 65504.
   void upload_radiance(Gpu& gpu, const std::shared_ptr<const CubeMap>& map);
 
+  // Uploads what `sampled` reads: the map, and what near lights send.
+  void upload_sampled(Gpu& gpu, const Lighting& lighting);
+
   // Uploads the round lobes, and the map that is their level 0.
   void upload_chain(Gpu& gpu, const std::shared_ptr<const GlossyChain>& chain);
 
   // Each binds what was uploaded last, for the program in use.
   void bind_radiance(Gpu& gpu, const Program& p) const;
+  void bind_sampled(Gpu& gpu, const Program& p, const Lighting& lighting) const;
   void bind_chain(Gpu& gpu, const Program& p, const GlossyLobe& lobe, const Lighting& lighting);
   // Binds the uploaded chain, which is the lighting's, and its lights.
   void bind_lobes(Gpu& gpu, const Program& p, const Lighting& lighting) const;
@@ -37,10 +41,12 @@ class LightTextures {
   // map, where shaders are not to be trusted with it. Does nothing for the same texels.
   void upload_baked(Gpu& gpu, const Irradiance& irradiance);
 
-  Texture cube_, baked_, lobes_, first_lobe_, table_;
+  Texture cube_, near_, baked_, lobes_, first_lobe_, table_;
   // About the map that is in cube_. The map itself is not kept: its maker may update it in place.
   int radiance_size_ = 0, radiance_levels_ = 0;
   std::vector<std::uint64_t> radiance_versions_;
+  std::shared_ptr<const CubeMap> near_map_;   // the one that is in near_
+  float near_scale_ = 1;                      // and its scale
   std::shared_ptr<const GlossyChain> chain_;  // the chain that is in lobes_
   std::vector<glm::vec4> baked_texels_;       // those in baked_
   float radiance_scale_ = 1, baked_scale_ = 1;

@@ -27,8 +27,7 @@ GlossyVariant glossy_variant(const Material& material, GlossyMethod method) {
   if (!lit(material.glossy)) return GlossyVariant::none;
   if (material.exponent == 0) return GlossyVariant::matte;
   if (method == GlossyMethod::mip) return GlossyVariant::mip;
-  if (method == GlossyMethod::sampled)  // the mirror is level 0 of the map
-    return std::isinf(material.exponent) ? GlossyVariant::mip : GlossyVariant::sampled;
+  if (method == GlossyMethod::sampled) return GlossyVariant::sampled;
   check(method == GlossyMethod::centroid || method == GlossyMethod::stretched ||
             method == GlossyMethod::prefiltered,
         "the GL back end has no glossy method ", name(method));
@@ -209,12 +208,11 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
                   shared::mip_level(float(in.lighting.radiance->size()), m.exponent));
       break;
     case GlossyVariant::sampled:
-      light.upload_radiance(gpu, in.lighting.radiance);
+      light.upload_sampled(gpu, in.lighting);
       glUseProgram(p.id());
-      light.bind_radiance(gpu, p);
-      glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
-      glUniform1f(p.uniform("exponent"), m.exponent);
-      glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
+      light.bind_sampled(gpu, p, in.lighting);
+      glUniform1f(p.uniform("exponent"), std::min(m.exponent, 1e30f));
+      if (std::isinf(m.exponent)) glUniform1i(p.uniform("taps"), 1);  // all are the mirror's
       break;
     case GlossyVariant::chain:
     case GlossyVariant::nearly_matte:
@@ -250,6 +248,8 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
              chain = !sampled && in.lighting.chain;
   if (chain)
     light.upload_chain(gpu, in.lighting.chain);
+  else if (sampled)
+    light.upload_sampled(gpu, in.lighting);
   else
     light.upload_radiance(gpu, in.lighting.radiance);
   material_.upload(gpu, in.scene.material);
@@ -270,10 +270,11 @@ void ShadePass::draw_pbr(Gpu& gpu, LightTextures& light, const RenderInput& in) 
   glUseProgram(p.id());
   if (chain)
     light.bind_lobes(gpu, p, in.lighting);
+  else if (sampled)
+    light.bind_sampled(gpu, p, in.lighting);
   else
     light.bind_radiance(gpu, p);
   glUniform1f(p.uniform("face_size"), float(in.lighting.radiance->size()));
-  if (sampled) glUniform1i(p.uniform("taps"), in.lighting.glossy_settings.taps);
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   set(p, "base_color", m.base_color);
   set(p, "emission", material_.emission_unit() * m.emission);
