@@ -558,6 +558,14 @@ def test_time_must_not_run_backwards():
         tracker.track(image, float("nan"))
     with pytest.raises(ValueError, match="gravity"):
         tracker.track(image, 1.1, gravity=[0.0, 1.0])
+    tracker.reset()  # times start anew, also after a picture without one
+    assert tracker.track(image) is not None and tracker.track(image, 0.1) is not None
+
+
+@pytest.mark.parametrize("method", ["edges", "board", "frame-marker"])
+def test_boards_are_tracked_with_perspective_cameras_alone(method):
+    with pytest.raises(ValueError, match="perspective cameras alone"):
+        fastibl.Tracker(BOARD, fastibl.Camera.equirectangular(512, 256), method)
 
 
 def test_a_lens_with_distortion():

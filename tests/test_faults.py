@@ -110,6 +110,22 @@ def test_what_cannot_be_used_is_named_and_passed_over():
     assert played[7].frame.back is None and played[7].frame.front is not None
 
 
+@pytest.mark.parametrize("code", [0, 255])
+def test_a_covered_camera_did_not_freeze(code):
+    """Black and white pictures repeat themselves: they are what the room looks like now."""
+    film = fastibl.simulate(seconds=3, fps=10, size=(160, 120), path="sweep", hand=False, lamp=False, seed=1)
+    dark = [replace(f, front=np.full_like(f.front, code)) if f.time > 1.5 else f for f in film]
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
+    lit = []
+    for frames in (list(film), dark):
+        session = fastibl.Session(scene, film.rig, film.board, cast_shadow=False, methods={"self_shadow": "none"})
+        played = list(play(session, Recording(film.rig, frames)))
+        assert not any(p.refused for p in played)
+        lit.append(played[-1].result.environment.radiance.faces.mean())
+    print(f"light: {lit[0]:.2f}, with pictures of {code} {lit[1]:.2f}")
+    assert lit[1] < 0.7 * lit[0] if code == 0 else lit[1] > 1.5 * lit[0]
+
+
 def test_a_clock_that_was_set_back():
     scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
     session = fastibl.Session(scene, RIG, environment=fastibl.CubeMap(np.ones((6, 8, 8, 3))), cast_shadow=False)

@@ -30,6 +30,10 @@ LOGS = {
     "nanoseconds of Android": table(",", NANOSECONDS, X, Y, Z),
     "milliseconds, degrees": "t (ms)\twx (deg/s)\twy (deg/s)\twz (deg/s)\n"
     + table("\t", 1000 * TIMES, *np.degrees(RATES).T),
+    "semicolons, decimal commas": table(";", TIMES, X, Y, Z, decimal=","),
+    "tabs, decimal commas": table("\t", TIMES, X, Y, Z, decimal=","),
+    "spaces, decimal commas": table(" ", TIMES, X, Y, Z, decimal=","),
+    "commas and spaces": table(", ", TIMES, X, Y, Z),
     "repeated and out of order": table(",", TIMES[[1, 0, 1, *range(1, 50)]], *RATES[[1, 0, 1, *range(1, 50)]].T),
 }
 
@@ -77,3 +81,18 @@ def test_attitudes_of_a_steady_turn():
         np.testing.assert_allclose(attitude, np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k, atol=1e-9)
     with pytest.raises(ValueError, match="within 52 degrees only: turn the camera .* about more than one"):
         Gyroscope(times, rates, mount, 0.9, drift, 0.5).attitudes([0.0])
+
+
+def test_a_hole_in_the_log_is_no_turn():
+    """A second of rest, two without readings, in which nobody knows what was turned, and three of rest."""
+    times = np.concatenate([np.arange(0, 1, 0.01), np.arange(3, 6, 0.01)])
+    rates = np.zeros((len(times), 3))
+    rates[99] = rates[100] = [0, 0, 1.0]
+    gyroscope = Gyroscope(times, rates, np.eye(3), 0.01, np.zeros(3), 0.0)
+    with pytest.warns(UserWarning, match="1 holes of up to 2 s: attitudes of 3 of 6 times"):
+        found = gyroscope.attitudes([0.2, 0.9, 2.0, 3.1, 4.0, 5.9])
+    assert [a is not None for a in found] == [False, False, False, True, True, True]
+    for attitude in found[4:]:
+        np.testing.assert_allclose(attitude, found[3], atol=1e-12)
+    with pytest.warns(UserWarning, match="attitudes of 2 of 3 times"):
+        assert gyroscope.attitudes([0.2, 0.5, 4.0])[2] is None

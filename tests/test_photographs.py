@@ -11,7 +11,7 @@ import fastibl
 from fastibl.__main__ import main
 from fastibl.calibration import guess_camera
 from fastibl.calibration.guess import LensSearch
-from fastibl.guessed_rig import guessed_camera
+from fastibl.guessed_rig import degrees_across, guessed_camera
 from fastibl.photographs import Photographs
 
 BOARD = fastibl.Board.default()
@@ -49,6 +49,13 @@ def test_the_board_shows_the_focal_length():
         print(f"{tilt} degrees: off by {off:.4f}, stated {stated[tilt]:.4f}")
         assert off < 2 * stated[tilt] and found.fx == found.fy and (found.cx, found.cy) == (320, 240)
     assert stated[50] < 0.02 and 0.08 < stated[1] <= 0.12
+
+
+@pytest.mark.parametrize("size", [(640, 480), (480, 640)])
+def test_the_usual_lens_is_that_of_a_telephone_however_it_is_held(size):
+    camera, _ = guess_camera([np.full((size[1], size[0], 3), 90, np.uint8)], BOARD)
+    assert camera.fx == pytest.approx(320 / np.tan(np.radians(32.5))) and (camera.width, camera.height) == size
+    assert degrees_across(camera) == pytest.approx(65)
 
 
 def test_several_photographs_are_as_good_as_their_best():

@@ -37,6 +37,16 @@ def test_what_is_added_is_recorded(tmp_path):
     assert read == given and read[2].back_exposure is None
 
 
+def test_a_closed_recording_takes_no_more(tmp_path):
+    out = Recorder(tmp_path / "r", RIG)
+    out.add(frame(0))
+    out.close()
+    for wait in (False, True):
+        with pytest.raises(ValueError, match="is closed"):
+            out.add(frame(1), wait)
+    assert (out.written, out.dropped) == (1, 0)
+
+
 def test_a_slow_disk_drops_frames_and_keeps_memory(tmp_path, monkeypatch):
     slow = RecordingWriter.add
 

@@ -97,6 +97,37 @@ def test_attitudes_are_kept(tmp_path):
     assert not (path / "attitudes.csv").exists()
 
 
+def test_attitudes_of_frames_of_one_time_stay_theirs(tmp_path):
+    given = frames(6)
+    for frame, time in zip(given, (0.0, 0.0, 0.0, 0.1, 0.2, 0.2), strict=True):
+        frame.time = time
+    given[1].attitude, given[4].attitude = TURN.rotation, np.eye(3)
+    path = write(tmp_path / "r", given)
+    assert list(Recording.open(path)) == given
+    assert write_attitudes(path, [None, None, np.eye(3), None, None, TURN.rotation]) == 2
+    told = [f.attitude is not None for f in Recording.open(path)]
+    assert told == [False, False, True, False, False, True]
+
+
+def test_cameras_of_one_time_have_one_attitude(tmp_path):
+    both = frames(1)[0]
+    given = [Frame(0.0, both.back), Frame(0.0, front=both.front, attitude=TURN.rotation), Frame(0.0, both.back)]
+    read = list(Recording.open(write(tmp_path / "r", given)))
+    assert [f.attitude is not None for f in read] == [True, False] and read[0].front is not None
+
+
+@pytest.mark.parametrize("size", [(49, 32), (48, 31)])
+def test_videos_of_odd_sizes_are_refused(tmp_path, size):
+    """OpenCV would leave the last row or column out. What is there stays."""
+    path = write(tmp_path / "r", frames(2))
+    rig = Rig(Camera(*size, 40, 40, 24, 16))
+    with pytest.raises(ValueError, match=f"even width and height, but the back camera's .* {size[0]} x {size[1]}"):
+        RecordingWriter(path, rig, video=True)
+    assert len(Recording.open(path)) == 2
+    picture = RNG.integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
+    assert list(Recording.open(write(tmp_path / "s", [Frame(0.0, picture)], rig=rig))) == [Frame(0.0, picture)]
+
+
 COLUMNS = "time,m00,m01,m02,m10,m11,m12,m20,m21,m22\n"
 
 

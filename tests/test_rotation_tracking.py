@@ -455,6 +455,9 @@ def test_a_given_map_is_enough():
         (ValueError, lambda t, e, f: t.track(e, 0.05, back=f.back[:100])),
         (ValueError, lambda t, e, f: t.track(e, 0.05, back=f.back, back_exposure=0.0)),
         (ValueError, lambda t, e, f: t.track(e, -1.0, back=f.back)),
+        (ValueError, lambda t, e, f: t.track(e, 0.05, turn=(np.nan, 0, 0))),
+        (ValueError, lambda t, e, f: t.track(e, 0.05, turn=(0, np.inf, 0))),
+        (ValueError, lambda t, e, f: t.track(e, 0.05, turn=(0, 0, 1e200))),
         (ValueError, lambda t, e, f: t.start(np.zeros((4, 4)), 1.0)),
         (TypeError, lambda t, e, f: t.track(e, 0.05, back=f.back.astype(np.int32))),
     ],
@@ -465,6 +468,7 @@ def test_refuses(film, kind, call):
     tracker.start(film.truth.pose(0.0), 0.0)
     with pytest.raises(kind):
         call(tracker, fastibl.Environment(textured(16)), frame)
+    assert tracker.following
 
 
 def test_refuses_options(film):

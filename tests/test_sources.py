@@ -156,6 +156,38 @@ def test_unplugged_and_plugged_in_again():
     assert any("gives no more pictures" in line for line in lines) and "gives pictures now" in lines[-1]
 
 
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_camera_that_opens_and_gives_nothing_is_told_of_once(tells):
+    class Busy(FakeCapture):
+        def grab(self):
+            return False
+
+    driver, lines, busy = Driver(tells=tells), [], [True]
+    opened = lambda device: Busy(driver) if busy[0] else driver.open(device)  # noqa: E731
+    with LiveCamera(0, open_capture=opened, retry=0.005, log=lines.append) as camera:
+        time.sleep(0.2)
+        assert camera.newest(0.0) is None
+        told = list(lines)
+        busy[0] = False
+        assert camera.newest(5.0) is not None
+    assert len(told) == 1 and "opens, but gives no pictures" in told[0]
+    assert "gives pictures now" in lines[-1]
+
+
+def test_an_exposure_that_a_driver_refuses_and_changes_is_not_the_old_one():
+    driver = Driver()
+
+    class Clamping(FakeCapture):
+        def set(self, which, value):
+            super().set(which, max(value, 30.0) if which == cv2.CAP_PROP_EXPOSURE else value)
+            return which != cv2.CAP_PROP_EXPOSURE or value >= 30
+
+    with LiveCamera(0, open_capture=lambda _: Clamping(driver)) as camera:
+        assert camera.newest(5.0).exposure == pytest.approx(0.8)
+        camera.set_exposure(0.05)
+        assert waited(lambda: (shot := camera.newest(1.0)) is not None and shot.exposure == pytest.approx(0.3))
+
+
 def test_a_driver_that_raises_is_tried_again():
     driver, calls = Driver(), []
 

@@ -49,6 +49,17 @@ def test_the_white_tells_what_the_front_camera_makes_of_light(film):
     assert right < best + 0.05 < wrong
 
 
+def test_white_without_a_channel_is_refused(film):
+    capture = fastibl.Capture(size=16, board=film.board)
+    for frame in film:
+        purple, pose = frame.back * np.array([1, 0, 1], np.uint8), film.truth.pose(frame.time)
+        capture.add(purple, film.rig.back, pose, frame.back_exposure, frame.time)
+        capture.add(frame.front, film.rig.front, film.rig.front_from_back @ pose, frame.front_exposure, frame.time)
+    assert capture.environment().plane_irradiance[1] == 0
+    with pytest.raises(ValueError, match="without any light in a channel"):
+        camera_ratio(capture.environment())
+
+
 def test_what_shows_no_white_is_refused(film):
     with pytest.raises(LookupError, match="no picture"):
         camera_ratio(fastibl.Environment(fastibl.CubeMap(np.ones((6, 8, 8, 3)))))

@@ -6,22 +6,24 @@ import numpy as np
 
 from ._fastibl import Camera, Pose, Rig
 
-DEGREES = 65.0  # angle across the picture: between those of most webcams (55 to 78) and telephones (63 to 70)
+# Angle across the longer side of the picture, however a telephone is held: between those of most webcams (55 to 78)
+# and telephones (63 to 70).
+DEGREES = 65.0
 
 
 def guessed_camera(size: tuple[int, int], degrees: float = DEGREES) -> Camera:
-    """A camera without distortion and with its axis in the middle; size: (width, height). Raises ValueError for an
-    angle that a perspective picture cannot have."""
+    """A camera without distortion and with its axis in the middle; size: (width, height), degrees: across the longer of
+    them. Raises ValueError for an angle that a perspective picture cannot have."""
     if not 5 <= degrees <= 150:
         raise ValueError(f"the angle across a picture must be 5 to 150 degrees, got {degrees:g}")
     width, height = size
-    f = width / 2 / np.tan(np.radians(degrees / 2))
+    f = max(width, height) / 2 / np.tan(np.radians(degrees / 2))
     return Camera(width, height, f, f, width / 2, height / 2)
 
 
 def degrees_across(camera: Camera) -> float:
     """The angle of guessed_camera()."""
-    return float(2 * np.degrees(np.arctan(camera.width / 2 / camera.fx)))
+    return float(2 * np.degrees(np.arctan(max(camera.width, camera.height) / 2 / camera.fx)))
 
 
 def with_back(rig: Rig, back: Camera) -> Rig:

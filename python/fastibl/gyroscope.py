@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .rotations import RotationPath, accumulated
 
-_SEPARATORS = (",", ";", "\t")  # or else spaces
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _MOST_DEVIATION = np.radians(2.0)  # of the axes
+_HOLE, _HOLE_STEPS = 0.1, 5  # seconds, and usual steps, without readings: longer, and the turn meanwhile is not known
 _MOST_A_SECOND, _LEAST_A_SECOND = 5000.0, 5.0  # readings a second
 # Names of columns: those that are likely to be the time (likeliest first), and those of a gyroscope among several
 # sensors.
@@ -36,8 +37,8 @@ def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], N
         lines = [line.strip() for line in file if line.strip() and not line.startswith("#")]
     if len(lines) < 3:
         raise ValueError(f"{path} holds {len(lines)} lines; expected readings of a gyroscope")
-    separator = max(_SEPARATORS, key=lines[0].count)
-    rows = [_fields(line, separator if separator in lines[0] else None) for line in lines]
+    separator = _separator(lines[1])
+    rows = [_fields(line, separator) for line in lines]
     header = None if _numbers(rows[0]) is not None else rows.pop(0)
     if header is None and len(rows[0]) != 4:
         raise ValueError(f"{path} must have four columns, time and three rates, or a header; got {len(rows[0])}")
@@ -61,6 +62,14 @@ def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], N
     if not fitting:
         raise ValueError(f"{path}: times {step:g} apart are no gyroscope's, in seconds or in any other unit")
     return fitting[0] * times, rates
+
+
+def _separator(reading: str) -> str | None:
+    """What stands between the columns; None: spaces. Commas may be those of decimals."""
+    for mark in ";\t":
+        if mark in reading:
+            return mark
+    return "," if "," in reading and _numbers(_fields(reading, None)) is None else None
 
 
 def _fields(line: str, separator: str | None) -> list[str]:
@@ -116,6 +125,8 @@ class Gyroscope:
     def attitudes(self, times: ArrayLike) -> list[NDArray[np.float64] | None]:
         """Attitudes of the camera at times of its own clock: Frame.attitude (3, 3), None where nothing was read.
 
+        Across a hole in the log of more than 0.1 s, and of 5 of its usual steps, turns are not known: attitudes are
+        then those of the part of the log in which most of the times are, and a warning says so.
         times: seconds. Raises ValueError where the turns from which the gyroscope was found do not tell how it lies in
         the camera within 2 degrees.
         """
@@ -128,6 +139,18 @@ class Gyroscope:
         path = RotationPath(self.times, accumulated(np.diff(self.times)[:, None] * turns))
         at = np.atleast_1d(np.asarray(times, np.float64)) + self.clock_offset
         known = (at >= self.times[0]) & (at <= self.times[-1])
+        steps = np.diff(self.times)
+        hole = steps > max(_HOLE, _HOLE_STEPS * np.median(steps))
+        step = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(steps) - 1)
+        part, known = np.cumsum(hole)[step], known & ~hole[step]
+        if known.any():
+            known &= part == np.bincount(part[known]).argmax()
+        if hole.any():
+            warnings.warn(
+                f"the gyroscope's log has {hole.sum()} holes of up to {steps.max():.2g} s: attitudes of "
+                f"{known.sum()} of {len(at)} times are known together",
+                stacklevel=2,
+            )
         return [rotation if there else None for rotation, there in zip(path(at), known, strict=True)]
 
     def __repr__(self) -> str:

@@ -16,6 +16,7 @@ from .recording import Frame
 from .session import Session
 
 _ROWS = 61  # step between the rows that are compared first
+_NOISY = 0.01  # share of a picture's values, at least, that are neither black nor white where noise is to be seen
 _SET_BACK = 1.0  # seconds by which a frame is earlier than the last where a clock was set
 
 
@@ -62,7 +63,7 @@ class _Watch:
             return f"an exposure must be positive and finite, got {exposure}"
         # Sensors are noisy: no two of their pictures agree in every bit.
         last = self._last[name]
-        if last is not None and _same(picture, last):
+        if last is not None and _same(picture, last) and _shows_noise(picture):
             return "the same picture again: the camera froze"
         return None
 
@@ -72,10 +73,18 @@ def _same(a: NDArray, b: NDArray) -> bool:
     return a is b or (np.array_equal(a[::_ROWS], b[::_ROWS]) and np.array_equal(a, b))
 
 
+def _shows_noise(picture: NDArray) -> bool:
+    """Black and white pictures show none, and repeat themselves: a covered camera's, or those of a held exposure."""
+    white = np.iinfo(picture.dtype).max if picture.dtype.kind in "iu" else 1.0
+    values = picture / white
+    return bool(((values > 0.012) & (values < 0.988)).mean() >= _NOISY)
+
+
 def play(session: Session, source: Any) -> Generator[Played, None, None]:
     """Processes a live source's frames one by one; what cannot be used is left out and named, and the session goes on.
 
-    A picture whose size is not the camera's, or that repeats the last one to the bit, is left out; the other camera's
+    A picture whose size is not the camera's, or that repeats the last one to the bit and shows more than
+    black and white, is left out; the other camera's
     picture is still used. A frame that the session refuses is skipped as a whole, also one that is up to a second
     earlier than the last; where the camera's clock was set back by more, times start anew.
     """

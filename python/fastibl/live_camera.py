@@ -68,15 +68,14 @@ class _Exposure:
         seconds = self.seconds(self._capture.get(self._property))
         return 1.0 if seconds is None else seconds / SECONDS_AT_ONE
 
-    def set(self, exposure: float) -> bool:
-        """Asks for a multiplier; `value` is then what the driver made of it."""
+    def set(self, exposure: float) -> None:
+        """Asks for a multiplier; `value` is then what the driver made of it, whether it agreed or not."""
         if not self.settable:
-            return False
+            return
         seconds = exposure * SECONDS_AT_ONE
         units = max(1.0, round(seconds * 1e4)) if self._backend == "V4L2" else round(np.log2(seconds))
-        done = bool(self._capture.set(self._property, float(units)))
+        self._capture.set(self._property, float(units))
         self.value = self.read()
-        return done
 
 
 def _backend(capture: Any) -> str:
@@ -239,6 +238,7 @@ class LiveCamera:
     def _run(self) -> None:
         told = False  # whether it was logged that the camera does not open
         self._missed = False  # whether it was logged that it gives no pictures
+        silent = False  # whether it was logged that it opens, but gives none
         while not self._stop.is_set():
             capture = None
             with quiet(), contextlib.suppress(Exception):  # drivers may raise anything; opening is tried again
@@ -268,12 +268,20 @@ class LiveCamera:
                 self.lost += 1
                 self._missed = True
                 self._log(f"the {self.name} camera {self.device} gives no more pictures; going on without it")
+            elif not silent and not self._stop.is_set():
+                self._missed = True
+                self._log(
+                    f"the {self.name} camera {self.device} opens, but gives no pictures: another program may be using "
+                    "it; trying again"
+                )
+            silent = not gave
             self._stop.wait(self._retry)
 
     def _read(self, capture: Any) -> None:
         """Reads pictures until the camera fails or is closed."""
-        for image, _ in self._pictures(capture, 0 if self._file else _SETTLING, settle=True):
-            del image
+        settled = sum(1 for _ in self._pictures(capture, 0 if self._file else _SETTLING, settle=True))
+        if not settled and not self._file:
+            return
         exposure = _Exposure(capture)
         if not exposure.held:
             self._log(f"the {self.name} camera cannot hold its exposure: each picture's is estimated")
@@ -294,7 +302,8 @@ class LiveCamera:
                 wanted, self._wanted = self._wanted, None
                 setting = self.settings
             unsure = max(0, unsure - 1)
-            if wanted is not None and wanted != known and exposure.set(wanted):
+            if wanted is not None and wanted != known:
+                exposure.set(wanted)
                 if exposure.value != known:
                     unsure = _LATENCY
                 known = exposure.value

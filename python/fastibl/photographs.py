@@ -20,11 +20,12 @@ class Photographs:
 
     paths: .png, .jpg, … of one size, by one camera that was not zoomed. board: the one that they show.
     rig: with a calibrated camera, whose pictures are as the sensor took them. None finds the lens by
-    `calibration.guess_camera`; pictures then stand upright, as EXIF says. degrees: the usual angle across a picture.
+    `calibration.guess_camera`; pictures then stand upright, as EXIF says. degrees: the usual angle across a
+    picture's longer side.
     lens_deviation: relative standard deviation of the focal length; None where a rig was given.
 
-    Exposures are not told: a session takes them from the board's white. Raises ValueError without paths, for pictures
-    that cannot be read, and for those of several sizes.
+    Exposures are not told: a session takes them from the board's white. Raises ValueError without paths; for pictures
+    that cannot be read and for those of several sizes, as soon as they are read: at once without a rig.
     """
 
     def __init__(

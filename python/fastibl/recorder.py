@@ -50,15 +50,17 @@ class Recorder:
 
     def add(self, frame: Frame, wait: bool = False) -> bool:
         """Takes a frame to be written; returns False if it was dropped. wait: whether to wait for room, for sources
-        that can wait. Raises what ended the recording, if anything did.
+        that can wait. Raises what ended the recording, if anything did, and ValueError after close().
         """
         size = _bytes(frame)
         with self._changed:
             if wait:
-                self._changed.wait_for(lambda: self.error is not None or self._has_room(size))
+                self._changed.wait_for(lambda: self.error is not None or self._closing or self._has_room(size))
             if self.error is not None:
                 self._told = True
                 raise self.error
+            if self._closing:
+                raise ValueError(f"the recording {self.path} is closed: it takes no more frames")
             if not self._has_room(size):
                 self.dropped += 1
                 return False

@@ -8,7 +8,8 @@ A recording is a folder:
 - frames.csv: time, camera, file, exposure; one row per picture. Pictures of the same time make one Frame. `file` is a
   lossless picture of 8 or 16 bits, or a frame of a lossless video: back.mkv#12. Both are read as the sensor took them;
   any orientation noted in the file is ignored. `exposure` is empty where the camera did not tell it
-- attitudes.csv: time, m00 to m22; where there was a gyroscope, Frame.attitude of the frames that have one
+- attitudes.csv: time, m00 to m22; where there was a gyroscope, Frame.attitude of the frames that have one, and
+  empty cells for a frame without one where a later frame of the same time has one
 - truth/: where known, environment maps by time, camera poses by time, and what happened
 
 A recording may come from anyone: files outside its folder are not read, nor are pictures, cameras and lists that claim
@@ -25,8 +26,9 @@ import os
 import re
 import tempfile
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any, SupportsIndex, TextIO, cast
@@ -239,17 +241,44 @@ def _foreign(item: Path) -> str:
     return next((f"{item.name}/{f.name}" for f in files if f.is_dir() or not inside.fullmatch(f.name)), "")
 
 
+@dataclass
+class _Moment:
+    """The frame that is being written, as it will be read: pictures of one time, one of each camera."""
+
+    time: float = np.nan
+    cameras: set[str] = field(default_factory=set)
+    told: bool = False  # whether its attitude is written
+    untold: int = 0  # frames of this time before it that have none, and no row that says so
+
+    def take(self, time: float, camera: str) -> None:
+        if time != self.time:
+            self.time, self.cameras, self.told, self.untold = time, {camera}, False, 0
+        elif camera in self.cameras:
+            self.untold += not self.told
+            self.cameras, self.told = {camera}, False
+        else:
+            self.cameras.add(camera)
+
+
 class RecordingWriter:
     """Writes a recording, picture by picture; a context manager.
 
     path: a folder that does not exist or is empty; an older recording there is replaced, once all that is known
     beforehand is in order. video: whether to write lossless FFV1 videos instead of one PNG per picture. FileExistsError
-    for a folder that holds anything else, including pictures of other names; TypeError for what is not a Rig.
+    for a folder that holds anything else, including pictures of other names; ValueError for videos of an odd width or
+    height; TypeError for what is not a Rig.
     """
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
         self.path, self._rig = Path(path), rig
         expect(rig, Rig, "rig")
+        for name in CAMERAS if video else ():
+            camera = getattr(rig, name)
+            if camera is not None and (camera.width % 2 or camera.height % 2):  # OpenCV would cut the rest off
+                raise ValueError(
+                    f"videos are of even width and height, but the {name} camera's pictures are of "
+                    f"{camera.width} x {camera.height} pixels; write pictures instead"
+                )
         with tempfile.TemporaryDirectory() as made:
             write_rig(Path(made) / "rig.yaml", rig)
             if board is not None:
@@ -264,6 +293,7 @@ class RecordingWriter:
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(("time", "camera", "file", "exposure"))
         self._attitudes: TextIO | None = None
+        self._moment = _Moment()
         self._told_of_poses = False
 
     @staticmethod
@@ -315,8 +345,9 @@ class RecordingWriter:
             exposure = getattr(frame, f"{camera}_exposure")
             told = "" if exposure is None else repr(float(exposure))
             self._rows.writerow((repr(float(frame.time)), camera, name, told))
+            self._moment.take(frame.time, camera)
         self._file.flush()  # so that what was recorded survives a crash
-        if attitude is not None:
+        if attitude is not None and self._moment.time == frame.time and not self._moment.told:
             self._add_attitude(frame.time, attitude)
 
     def _checked(self, frame: Frame, camera: str) -> NDArray[Any] | None:
@@ -341,7 +372,10 @@ class RecordingWriter:
         if self._attitudes is None:
             self._attitudes = open(self.path / "attitudes.csv", "w", newline="", encoding="utf-8")
             csv.writer(self._attitudes, lineterminator="\n").writerow(_ATTITUDE_COLUMNS)
-        csv.writer(self._attitudes, lineterminator="\n").writerow(_attitude_row(time, attitude))
+        rows = csv.writer(self._attitudes, lineterminator="\n")
+        rows.writerows([_attitude_row(time, None)] * self._moment.untold)
+        rows.writerow(_attitude_row(time, attitude))
+        self._moment.told, self._moment.untold = True, 0
         self._attitudes.flush()
 
     def sync(self) -> None:
@@ -419,15 +453,15 @@ def write_attitudes(path: str | os.PathLike[str], attitudes: Sequence[ArrayLike 
     times = [time for time, _ in _read_moments(_inside(path, "frames.csv"))]
     if len(attitudes) != len(times):
         raise ValueError(f"expected attitudes of {len(times)} frames, got {len(attitudes)}")
-    rows = [
-        _attitude_row(time, _attitude_of(attitude, f"the attitude at {time} s"))
-        for time, attitude in zip(times, attitudes, strict=True)
-        if attitude is not None
+    given = [
+        None if a is None else _attitude_of(a, f"the attitude at {t} s") for t, a in zip(times, attitudes, strict=True)
     ]
+    together = Counter(times)  # frames of one time are told apart by their order
+    rows = [_attitude_row(t, a) for t, a in zip(times, given, strict=True) if a is not None or together[t] > 1]
     text = io.StringIO(newline="")
     csv.writer(text, lineterminator="\n").writerows([_ATTITUDE_COLUMNS, *rows])
     write_whole(_inside(path, "attitudes.csv"), text.getvalue())
-    return len(rows)
+    return sum(a is not None for a in given)
 
 
 class _StoredFrames(Sequence[Frame]):
@@ -595,15 +629,16 @@ def _attitude_of(attitude: ArrayLike, what: str) -> NDArray[np.float64]:
     return m
 
 
-def _attitude_row(time: float, attitude: NDArray) -> tuple[float, ...]:
-    return float(time), *attitude.ravel().tolist()
+def _attitude_row(time: float, attitude: NDArray | None) -> tuple[float | str, ...]:
+    """None: a frame without one, of a time that another frame has, too."""
+    return float(time), *([""] * 9 if attitude is None else attitude.ravel().tolist())
 
 
-def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:
+def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64] | None]]:
     """Attitudes by time, in their order; empty where there is no such list."""
     if not path.is_file():
         return {}
-    attitudes: dict[float, list[NDArray[np.float64]]] = {}
+    attitudes: dict[float, list[NDArray[np.float64] | None]] = {}
     with io.StringIO(text_of(path, _MOST_TEXT), newline="") as file:
         for number, line in enumerate(_whole_lines(file, path), 1):
             cells = line.strip().split(",")
@@ -612,12 +647,14 @@ def _read_attitudes(path: Path) -> dict[float, list[NDArray[np.float64]]]:
                     raise ValueError(f"{path} must have the columns {', '.join(_ATTITUDE_COLUMNS)}, got {cells}")
                 continue
             where = f"{path} line {number}"
+            without = len(cells) == len(_ATTITUDE_COLUMNS) and not any(cells[1:])
             try:
-                time, *numbers = map(float, cells)
-                matrix = np.reshape(numbers, (3, 3))
+                time, *numbers = map(float, cells[:1] if without else cells)
+                matrix = None if without else np.reshape(numbers, (3, 3))
             except ValueError:
                 raise ValueError(f"{where}: expected ten numbers, got {cells}") from None
-            attitudes.setdefault(time, []).append(_attitude_of(matrix, f"{where}: the attitude"))
+            here = attitudes.setdefault(time, [])
+            here.append(None if matrix is None else _attitude_of(matrix, f"{where}: the attitude"))
     return attitudes
 
 

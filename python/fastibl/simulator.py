@@ -445,9 +445,9 @@ def simulate(
     Exposures and readouts longer than 1 / fps raise ValueError.
 
     live: whether to make each picture when the recording is iterated, and keep none; each iteration asks
-    front_exposures anew. out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos
-    instead of PNG pictures. progress: whether to show a bar. The same arguments give the same bytes. Raises
-    ValueError for arguments that make no recording.
+    front_exposures anew. out: folder for the recording; None keeps it in memory (2 MB a frame). video: FFV1 videos, of
+    even width and height, instead of PNG pictures. progress: whether to show a bar. The same arguments give the same
+    bytes. Raises ValueError for arguments that make no recording.
     """
     if not (np.isfinite(seconds) and seconds > 0 and np.isfinite(fps) and fps > 0):
         raise ValueError(f"seconds and fps must be positive and finite, got {seconds} and {fps}")
@@ -588,7 +588,7 @@ class _Pictures:
         if self.front is not None:
             share = FRONT_STEPS[index % len(FRONT_STEPS)]
             if self.front_exposures is not None:
-                share = 1.0 if index == 0 else self.front_exposures(self._last_front) / self.front_exposure
+                share = 1.0 if index == 0 else self._asked(self.front_exposures) / self.front_exposure
             frame.front_exposure = self._last_front = self.front_exposure * share
             frame.front = self._take(
                 self.front,
@@ -599,6 +599,12 @@ class _Pictures:
                 self.hand,
             )
         return frame
+
+    def _asked(self, front_exposures: Callable[[float], float]) -> float:
+        exposure = float(front_exposures(self._last_front))
+        if not (exposure > 0 and np.isfinite(exposure)):
+            raise ValueError(f"front_exposures must give positive and finite exposures, got {exposure}")
+        return exposure
 
     def _attitude(self, index: int, time: float, noise: float) -> NDArray:
         """The attitude by a gyroscope: right at first, then off by a random walk."""

@@ -109,6 +109,8 @@ class Tracker:
     ):
         self.board, self.camera, self.refine = board, camera, bool(refine)
         self.method = method_name("tracking", method)
+        if camera.model != "perspective":
+            raise ValueError(f"a board is tracked with perspective cameras alone, got a camera that is {camera.model}")
         self._edges, self._lock, self._time = None, threading.Lock(), -math.inf
         if self.method in ("auto", "edges"):
             gravity = np.asarray(gravity_in_marker, np.float64)
@@ -166,9 +168,9 @@ class Tracker:
 
     def reset(self) -> None:
         """Forgets the last pose: the whole next picture is searched."""
-        self._time = -math.inf
-        if self._edges is not None:
-            with self._lock:
+        with self._lock:
+            self._time = -math.inf
+            if self._edges is not None:
                 self._edges.reset()
 
     def __repr__(self) -> str:
@@ -236,8 +238,8 @@ class RotationTracker:
 
         environment: the map as it was before these pictures were added. turn: rotation vector (3,) of the back camera
         since the last call, as integrated by a gyroscope; what the pictures do not tell rests on it alone. Raises
-        ValueError for pictures of another size, exposures that are not positive, or time that runs backwards; TypeError
-        for other dtypes.
+        ValueError for pictures of another size, exposures that are not positive, time that runs backwards, or a turn
+        that is not finite; TypeError for other dtypes.
         """
         with self._lock:
             step = None if turn is None else [float(x) for x in np.asarray(turn, np.float64).reshape(3)]

@@ -26,7 +26,8 @@ def camera_ratio(environment: Environment) -> CameraRatio:
     environment: captured with a board, all around: what is above the horizon by the front camera, and the board's white
     by the back camera (`environment.plane_irradiance`). Give the ratio to a Session as `front_ratio`, or to Capture.add
     as `tint`. It is as exact as the albedo of the paper, see Capture. Raises LookupError where no picture showed enough
-    of the board's white, ValueError for a dark map.
+    of the board's white, ValueError for a dark map, and
+    for white that is black in a channel.
     """
     expect(environment, Environment, "environment")
     measured = environment.plane_irradiance
@@ -38,6 +39,8 @@ def camera_ratio(environment: Environment) -> CameraRatio:
     total = light.sum(axis=(0, 1, 2))
     if not (total > 0).all():
         raise ValueError("the map holds no light above the horizon")
+    if not (np.array(measured) > 0).all():
+        raise ValueError(f"the board's white was seen without any light in a channel: {tuple(measured)}")
     unseen = light[environment.confidence <= 0].sum() / light.sum()
     return CameraRatio(total / np.array(measured), float(unseen))
 

@@ -126,7 +126,7 @@ std::optional<Tracked> EdgeTracker::track(const Picture& picture, std::optional<
   check(std::isfinite(time) && (!last_ || time >= last_->time),
         "time must not run backwards: ", time, " s after ", last_ ? last_->time : 0, " s");
   clock_ = time;
-  if (last_ && time - last_->time > options_.longest_gap) reset();
+  if (last_ && time - last_->time > options_.longest_gap) forget();
 
   Image<std::uint8_t> converted;
   if (picture.type != PixelType::uint8)

@@ -76,7 +76,8 @@ class EdgeTracker {
   // never an old pose.
   std::optional<Tracked> track(const Picture& picture, std::optional<double> time,
                                const Detector& detector, const MotionHint& hint = {});
-  void reset() { last_.reset(), before_.reset(), shown_.reset(); }
+  // Forgets all of that; times start anew.
+  void reset() { forget(), clock_ = 0; }
   bool following() const { return last_.has_value(); }
 
  private:
@@ -84,6 +85,7 @@ class EdgeTracker {
     Pose pose;
     double time = 0;
   };
+  void forget() { last_.reset(), before_.reset(), shown_.reset(); }
   Pose predicted(double time, const MotionHint& hint) const;
   // The prediction from the pose and motion of a rolling shutter's last picture; also sets
   // prior.rows.

@@ -310,6 +310,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
                                              double turn_variance) {
   check(std::isfinite(time) && (!state_ || time >= state_->time),
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
+  check(!turn || is_rotation(*turn, 1e-3), "the turn must be a finite rotation");
   check(environment.radiance.size() > 0, "the environment has no map");
   environment.validate();
   if (!state_) return std::nullopt;

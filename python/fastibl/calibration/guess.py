@@ -30,7 +30,8 @@ def guess_camera(
     what cameras usually have. With ten pictures and more, calibrate_camera() finds the distortion, too.
 
     pictures: (h, w, 3) uint8 or uint16 RGB, of one size and one focal length. degrees: the usual angle across a
-    picture; that of the camera where no picture shows the board. Raises ValueError for pictures of several sizes.
+    picture's longer side; that of the camera where no picture shows the board. Raises ValueError for pictures of
+    several sizes.
     """
     expect(board, Board, "board")
     usual = guessed_camera(size_of(pictures), degrees).replace(response=response)

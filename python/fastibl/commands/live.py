@@ -46,7 +46,8 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--fov",
         type=positive,
         metavar="DEG",
-        help=f"angle across the back picture, without --rig (default: {_DEGREES:g} until the board shows it)",
+        help="angle across the back picture's longer side, without --rig "
+        f"(default: {_DEGREES:g} until the board shows it)",
     )
     source.add_argument(
         "--front-fov",

@@ -74,7 +74,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     photographs.add_argument("--rig", type=Path, metavar="YAML", help="calibrated camera (default: the lens is found)")
     photographs.add_argument(
-        "--fov", type=float, metavar="DEG", help="usual angle across a picture, where the lens is found (default: 65)"
+        "--fov",
+        type=float,
+        metavar="DEG",
+        help="usual angle across a picture's longer side, where the lens is found (default: 65)",
     )
 
 
