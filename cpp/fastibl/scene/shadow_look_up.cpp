@@ -84,6 +84,10 @@ void sample_block(std::span<const ShadowLookUp::Level> levels, const float* poin
 
 ShadowLookUp::ShadowLookUp(const ShadowMap& map) : centre_(map.centre), reach_(map.reach()) {
   if (map.no_light || map.ratio.empty()) return;
+  if (map.range > kMostCoded) {
+    uncoded_ = map;
+    return;
+  }
   if (!map.fine.empty())
     levels_.push_back(level_of(map.fine, map.fine_centre, map.fine_extent, map.range));
   levels_.push_back(level_of(map.ratio, map.centre, map.extent, map.range));
@@ -94,6 +98,10 @@ ShadowLookUp::ShadowLookUp(const ShadowMap& map) : centre_(map.centre), reach_(m
 void ShadowLookUp::sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const {
   check_room(points, ratios);
   const std::size_t count = points.size();
+  if (uncoded_) {
+    for (std::size_t k = 0; k < count; ++k) ratios[k] = uncoded_->sample(points[k]);
+    return;
+  }
   std::size_t i = 0;
   for (; i + kBlock + 2 <= count; i += kBlock)
     sample_block(levels_, &points[i].x, kBlock, &ratios[i].x);

@@ -1,6 +1,7 @@
 // A shadow map prepared for many look-ups: a picture looks it up at every pixel of the plane.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -17,7 +18,7 @@ class ShadowLookUp {
   explicit ShadowLookUp(const ShadowMap& map);
   // At each point the same bits as ShadowMap::sample.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;
-  bool empty() const { return levels_.empty(); }  // the ratio is 1 everywhere
+  bool empty() const { return levels_.empty() && !uncoded_; }  // the ratio is 1 everywhere
   // As those of the map.
   glm::vec2 centre() const { return centre_; }
   float reach() const { return reach_; }
@@ -32,7 +33,8 @@ class ShadowLookUp {
   };
 
  private:
-  std::vector<Level> levels_;  // the finest first
+  std::vector<Level> levels_;          // the finest first
+  std::optional<ShadowMap> uncoded_;  // instead, for ranges above kMostCoded
   glm::vec2 centre_;
   float reach_;
 };

@@ -42,7 +42,7 @@ struct ShadowMap {
 
   float reach() const { return outer.empty() ? extent : outer_extent; }  // outside the ratio is 1
 
-  // Bilinear, within 2e-5 of the range, in the finest map that contains the point; 1 for NaN.
+  // Bilinear, within 2e-5 of a range of up to 32, in the finest map that contains the point; 1 for NaN.
   glm::vec3 sample(glm::vec2 point) const;
   // The same at many points; for parts of one picture see ShadowLookUp.
   void sample(std::span<const glm::vec2> points, std::span<glm::vec3> ratios) const;

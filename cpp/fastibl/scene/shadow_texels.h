@@ -15,6 +15,10 @@ namespace fastibl {
 // sum to 2^14. So a blend of equal texels is exact, 0 and 1 too, and no sum exceeds 2^28.
 inline constexpr int kRatioSteps = 1 << 15, kWeightBits = 14, kWeightSteps = 1 << kWeightBits;
 
+// Where a map's range is larger, its texels are read as they are: codes would be so coarse that
+// steps of the light around a glowing object could be seen.
+inline constexpr float kMostCoded = 32;
+
 inline std::int16_t ratio_code(float share_of_range) {
   const float code = (share_of_range - 0.5f) * float(kRatioSteps);
   constexpr float kMost = kRatioSteps / 2;
@@ -75,14 +79,20 @@ inline bool sample_shadow(const Image<float>& image, const ShadowPlace& place, g
   const ShadowTexels t = shadow_texels(place, point);
   if (!t.inside) return false;
   const int last = place.size - 1;
+  const auto texel = [&](int i, int j, int c) {
+    return image.pixel(std::min(t.x + i, last), std::min(t.y + j, last))[c];
+  };
   for (int c = 0; c < 3; ++c) {
     std::int32_t sum = 0;
+    double exact = 0;  // no bit of a product is lost
     for (int j = 0; j < 2; ++j)
       for (int i = 0; i < 2; ++i)
-        sum += t.weight[j][i] *
-               ratio_code(image.pixel(std::min(t.x + i, last), std::min(t.y + j, last))[c] /
-                          place.range);
-    out[c] = ratio_of_sum(sum) * place.range;
+        if (place.range > kMostCoded)
+          exact += double(t.weight[j][i]) * double(texel(i, j, c));
+        else
+          sum += t.weight[j][i] * ratio_code(texel(i, j, c) / place.range);
+    out[c] =
+        place.range > kMostCoded ? float(exact / kWeightSteps) : ratio_of_sum(sum) * place.range;
   }
   return true;
 }

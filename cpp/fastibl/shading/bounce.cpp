@@ -17,10 +17,14 @@ namespace {
 
 constexpr int kSamples = 2;           // of the ratio in a cell, along an edge
 constexpr float kTextureTexels = 64;  // along an edge of the level of a texture that is read
-constexpr int kReach = 2;             // times the exchange's extent
-constexpr float kFade = 0.25f;        // of the way to its end
-constexpr int kViews = 32;            // averaged for the light that leaves a dielectric
-constexpr int kRoughnesses = 16;      // for which that light is worked out, if there are many
+// How far what an object sends to the plane reaches, times the exchange's extent: until it gives
+// less than a share of the plane's own light.
+constexpr int kLeastReach = 2, kMostReach = 16;
+constexpr float kSeen = 0.01f;
+constexpr float kFade = 0.25f;    // of the way to its end
+constexpr int kMostOuter = 512;   // texels along an edge of a map for light that reaches far
+constexpr int kViews = 32;        // averaged for the light that leaves a dielectric
+constexpr int kRoughnesses = 16;  // for which that light is worked out, if there are many
 
 // Share of the light from a dielectric's body that its surface lets out, over all directions.
 float transmitted(const GgxAlbedo& albedo, const glm::vec4& dielectric, float roughness) {
@@ -70,39 +74,86 @@ Image<float> mean_change(const ShadowMap& shadow, const PlaneExchange& exchange,
   return change;
 }
 
-// Extends the cells of an exchange by as far again around them, where what an object sends to the
-// plane falls with the third power of the distance. It fades before the end, where a ring of zeros
-// is.
-Image<float> extended(const Image<float>& cells) {
-  const int n = cells.width, width = 2 * kReach * (n / 2) + n % 2 + 2;
+// Where the light that an object sends to the plane comes from: from the middle of an exchange's
+// cells and above the plane, in cells.
+struct SentFrom {
+  glm::vec2 at;
+  float height;
+  // What a cell gets at this distance along the plane, up to a factor.
+  float at_distance(float along) const {
+    const float square = along * along + height * height;
+    return 1 / (square * std::sqrt(square));
+  }
+};
+
+SentFrom sent_from(const glm::dvec3& weighted, double weights, const PlaneExchange& exchange,
+                   const PlaneMotion& motion) {
+  const float cell = 2 * exchange.extent() / float(std::max(exchange.cells(), 1));
+  if (!(weights > 0)) return {glm::vec2(0), 0};
+  const glm::vec3 from(weighted / weights);
+  const glm::vec2 at = motion.inverse() * glm::vec2(from) - exchange.centre();
+  return {at / cell, std::max(from.z, 0.0f) / cell};
+}
+
+// How many times as far as the cells reach what an object sends to the plane is seen: a power of 2.
+int reach_of(const Image<float>& cells, const SentFrom& from) {
+  const int n = cells.width;
+  float most = 0;
+  for (int i = 0; i < n; ++i)
+    for (const float* cell :
+         {cells.pixel(i, 0), cells.pixel(i, n - 1), cells.pixel(0, i), cells.pixel(n - 1, i)})
+      most = std::max({most, cell[0], cell[1], cell[2]});
+  const float border = 0.5f * float(n - 1);
+  int reach = kLeastReach;
+  while (reach < kMostReach &&
+         most * from.at_distance(float(reach) * border) > kSeen * from.at_distance(border))
+    reach *= 2;
+  return reach;
+}
+
+// Extends the cells of an exchange, from the border on as a small source's light falls there. It
+// fades before the end, where a ring of zeros is.
+Image<float> extended(const Image<float>& cells, const SentFrom& from) {
+  const int n = cells.width, reach = reach_of(cells, from), width = 2 * reach * (n / 2) + n % 2 + 2;
   const int first = (width - n) / 2;  // of the given cells
   Image<float> out(width, width, 3);
   const float middle = 0.5f * float(width - 1), border = 0.5f * float(n - 1),
               end = 0.5f * float(width - 2);
-  for (int y = 1; y < width - 1; ++y)
-    for (int x = 1; x < width - 1; ++x) {
-      const glm::vec2 p(float(x) - middle, float(y) - middle);
-      const float away = std::max(std::abs(p.x), std::abs(p.y));
-      float* to = out.pixel(x, y);
-      if (away <= border || border <= 0) {
-        const bool inside = x >= first && y >= first && x < first + n && y < first + n;
-        if (inside) std::copy_n(cells.pixel(x - first, y - first), 3, to);
-        continue;
+  // Strictly inside, so that rays from it cross the border.
+  const glm::vec2 start = glm::clamp(from.at, -0.9f * border, 0.9f * border);
+  parallel_for(width - 2, 16, [&](int begin, int stop) {
+    for (int y = begin + 1; y < stop + 1; ++y)
+      for (int x = 1; x < width - 1; ++x) {
+        const glm::vec2 p(float(x) - middle, float(y) - middle);
+        float* to = out.pixel(x, y);
+        if (std::max(std::abs(p.x), std::abs(p.y)) <= border || border <= 0) {
+          const bool inside = x >= first && y >= first && x < first + n && y < first + n;
+          if (inside) std::copy_n(cells.pixel(x - first, y - first), 3, to);
+          continue;
+        }
+        const float fade = std::min(1.0f, (end - glm::length(p)) / (kFade * end));
+        if (!(fade > 0)) continue;
+        // The border's cells on the way there.
+        const glm::vec2 ray = p - start;
+        const auto crossing = [&](int k) {
+          return ray[k] != 0 ? ((ray[k] > 0 ? border : -border) - start[k]) / ray[k] : 1.0f;
+        };
+        const float part = std::min({crossing(0), crossing(1), 1.0f});
+        const glm::vec2 at = glm::clamp(start + part * ray + border, 0.0f, float(n - 1));
+        const glm::ivec2 low(glm::min(at, float(std::max(n - 2, 0)))),
+            high = glm::min(low + 1, n - 1);
+        const glm::vec2 f = at - glm::vec2(low);
+        const float away = glm::length(ray),
+                    fall = from.at_distance(away) / from.at_distance(part * away) * fade;
+        for (int c = 0; c < 3; ++c) {
+          const float above = glm::mix(cells.pixel(low.x, low.y)[c], cells.pixel(high.x, low.y)[c],
+                                       f.x),
+                      below = glm::mix(cells.pixel(low.x, high.y)[c],
+                                       cells.pixel(high.x, high.y)[c], f.x);
+          to[c] = glm::mix(above, below, f.y) * fall;
+        }
       }
-      // The border's cells on the way to the middle.
-      const glm::vec2 at = glm::clamp(p * (border / away) + border, 0.0f, float(n - 1));
-      const glm::ivec2 low(glm::min(at, float(std::max(n - 2, 0)))),
-          high = glm::min(low + 1, n - 1);
-      const glm::vec2 part = at - glm::vec2(low);
-      const float fall = border / away, fade = std::min(1.0f, (end - away) / (kFade * end));
-      for (int c = 0; c < 3; ++c) {
-        const float above = glm::mix(cells.pixel(low.x, low.y)[c], cells.pixel(high.x, low.y)[c],
-                                     part.x),
-                    below = glm::mix(cells.pixel(low.x, high.y)[c], cells.pixel(high.x, high.y)[c],
-                                     part.x);
-        to[c] = glm::mix(above, below, part.y) * fall * fall * fall * fade;
-      }
-    }
+  });
   return out;
 }
 
@@ -167,6 +218,48 @@ void add_gain(Image<float>& ratio, glm::vec2 centre, float extent, const ShadowL
   });
 }
 
+// Whether an object's light is seen beyond a map.
+bool is_seen_beyond(const ShadowMap& plane, const Bounce& bounce) {
+  const int n = bounce.gain.width;
+  for (int y = 0; y < n; ++y)
+    for (int x = 0; x < n; ++x) {
+      const float* gain = bounce.gain.pixel(x, y);
+      if (!(std::max({gain[0], gain[1], gain[2]}) > kSeen)) continue;
+      const glm::vec2 at(shared::plane_offset(x, float(n)), shared::plane_offset(y, float(n)));
+      const glm::vec2 off =
+          glm::abs(bounce.motion * (bounce.centre + bounce.extent * at) - plane.centre);
+      if (std::max(off.x, off.y) > plane.reach()) return true;
+    }
+  return false;
+}
+
+// Gives a map an outer one that reaches as far as the object's light is seen, if it has none.
+void reach_out(const Bounce& bounce, ShadowMap& plane) {
+  if (!is_seen_beyond(plane, bounce)) return;
+  const glm::vec2 off = glm::abs(bounce.motion * bounce.centre - plane.centre);
+  const float wanted = std::max(off.x, off.y) + bounce.extent;
+  const float texel = plane.outer.empty() ? 4 * plane.extent / float(plane.ratio.width)
+                                          : plane.outer_extent / float(plane.outer.width);
+  const int n = int(std::clamp(std::ceil(wanted / texel), 2.0f, float(kMostOuter)));
+  Image<float> outer(n, n, 3);
+  parallel_for(n, 16, [&](int begin, int end) {
+    std::vector<glm::vec2> points(static_cast<std::size_t>(n));
+    std::vector<glm::vec3> ratios(points.size());
+    for (int y = begin; y < end; ++y) {
+      for (int x = 0; x < n; ++x)
+        points[std::size_t(x)] =
+            plane.centre + wanted * glm::vec2(shared::plane_offset(x, float(n)),
+                                              shared::plane_offset(y, float(n)));
+      if (plane.outer.empty())
+        for (int x = 0; x < n; ++x) ratios[std::size_t(x)] = plane.sample(points[std::size_t(x)]);
+      else
+        plane.sample_outer(points, ratios);
+      std::copy_n(&ratios[0].x, 3 * n, outer.row(y));
+    }
+  });
+  plane.outer = std::move(outer), plane.outer_extent = wanted;
+}
+
 }  // namespace
 
 std::vector<Exitance> vertex_exitance(const Material& material, const Mesh& mesh) {
@@ -225,20 +318,26 @@ Bounce find_bounce(const PlaneExchange& exchange, const Scene& scene, const Ligh
   std::vector<Exitance> exitance = vertex_exitance(scene.material, scene.mesh);
   std::vector<glm::vec3> sent(count);
   bounce.shares.assign(count, glm::vec3(0));
-  for (std::size_t i = 0; i < count; ++i)
+  glm::dvec3 from(0);  // marker frame, weighted
+  double weights = 0;
+  for (std::size_t i = 0; i < count; ++i) {
     for (int c = 0; c < 3; ++c) {
       const float share = shares.empty() ? scene.visibility[i] : shares[i][c];
       if (all[i][c] > 0) bounce.shares[i][c] = std::max(lost[i][c] / all[i][c], -share);
       sent[i][c] = exitance[i].reflectance[c] * (share + bounce.shares[i][c]) * all[i][c] +
                    exitance[i].emission[c];
     }
+    const double weight = double(exchange.areas()[i]) * double(sent[i].x + sent[i].y + sent[i].z);
+    from += weight * (scene.marker_from_object * glm::dvec3(scene.mesh.vertices[i]));
+    weights += weight;
+  }
   Image<float> gain = exchange.onto_plane(sent);
   glm::vec3 inverse(0);
   for (int c = 0; c < 3; ++c)
     if (lighting.plane_irradiance[c] > kLeastIrradiance)
       inverse[c] = 1 / lighting.plane_irradiance[c];
   for (std::size_t i = 0; i < gain.data.size(); ++i) gain.data[i] *= inverse[int(i % 3)];
-  bounce.gain = extended(gain);
+  bounce.gain = extended(gain, sent_from(from, weights, exchange, *motion));
   bounce.centre = exchange.centre();
   bounce.extent =
       exchange.extent() * float(bounce.gain.width) / float(std::max(exchange.cells(), 1));
@@ -254,6 +353,7 @@ ShadowMap plane_gain(const ShadowMap& shadow, const ShadowLook& look, const Boun
   if (plane.ratio.empty() || plane.no_light || (!look.changes() && bounce.empty())) return plane;
   const ShadowMap gain = map_of(bounce);
   const ShadowLookUp gains(gain);
+  if (!bounce.empty()) reach_out(bounce, plane);
   const float ends = plane.reach();
   const float n = float(plane.outer.empty() ? plane.ratio.width : plane.outer.width);
   const auto add = [&](Image<float>& image, glm::vec2 centre, float extent, float share) {

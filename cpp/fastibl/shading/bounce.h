@@ -20,8 +20,9 @@ namespace fastibl {
 // Left out: glossy reflection by either, and light that goes back and forth more than once.
 struct Bounce {
   // What the object adds to the plane's irradiance, divided by that of the plane without the
-  // object. Texels as those of a ShadowMap, in the frame of `motion`. It reaches twice as far as
-  // the exchange; its border texels are 0, and so is all beyond.
+  // object. Texels as those of a ShadowMap, in the frame of `motion`. It reaches 2 to 16 times as
+  // far as the exchange, by how bright it is there, and fades along a circle; its border texels are
+  // 0, and so is all beyond.
   Image<float> gain;
   glm::vec2 centre{0};
   float extent = 0;
@@ -49,7 +50,7 @@ Bounce find_bounce(const PlaneExchange& exchange, const Scene& scene, const Ligh
 void add_shares(const Bounce& bounce, std::span<glm::vec4> shares);
 
 // Factor on the plane's picture, as a map: the ratio as `look` changes it, and the gain, which may
-// take it above 1. It fades where the shadow map ends.
+// take it above 1, and for which the map's outer part reaches farther where it must.
 ShadowMap plane_gain(const ShadowMap& shadow, const ShadowLook& look, const Bounce& bounce);
 
 }  // namespace fastibl

@@ -35,6 +35,8 @@ class PlaneExchange {
 
   bool empty() const { return shares_.empty(); }  // the object sees nothing of the plane
   std::size_t vertex_count() const { return areas_.size(); }
+  // Area of the surface that each vertex stands for, in units of a cell's.
+  std::span<const float> areas() const { return areas_; }
   // Groups of cells that the vertices see. Sums over them take time in proportion.
   std::size_t groups() const { return groups_.size(); }
   int cells() const { return cells_; }
