@@ -31,6 +31,14 @@ def test_a_factor_is_no_scale_invariant_error(marked):
     assert comparison.median == pytest.approx(0.7, abs=0.1)
 
 
+@pytest.mark.parametrize("radiance", [1e-30, 1e-8, 1e6])
+def test_errors_are_the_same_for_dim_and_bright_light(marked, radiance):
+    scaled = fastibl.CubeMap(marked.faces * np.float32(radiance))
+    found = fastibl.compare(fastibl.CubeMap(scaled.faces * 2), scaled)
+    for sphere in found.rmse:
+        assert found.scale_invariant_rmse[sphere] < 1e-4 and found.rmse[sphere] > 0.9
+
+
 def test_a_tint_is_an_angular_error():
     true = fastibl.CubeMap(np.ones((6, 8, 8, 3)))
     tinted = fastibl.CubeMap(np.ones((6, 8, 8, 3)) * (1, 1, 0))

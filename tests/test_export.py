@@ -501,6 +501,7 @@ def test_bad_input_is_refused(marked, tmp_path, monkeypatch):
     same_error(lambda: fastibl.read_environment(tmp_path / "none.exr"), FileNotFoundError, "none.exr")
     same_error(lambda: fastibl.export_light(marked, tmp_path, format="png"), ValueError, "png")
     same_error(lambda: fastibl.export_light(marked, tmp_path, mapping="cmft"), ValueError, "cmft")
+    same_error(lambda: fastibl.export_light(marked, tmp_path / "g", size=16, gltf=True), ValueError, "32", "got 16")
     cv2.imwrite(str(tmp_path / "odd.hdr"), np.ones((5, 9, 3), np.float32))
     same_error(lambda: fastibl.read_environment(tmp_path / "odd.hdr"), ValueError, "9 x 5")
     real = builtins.__import__

@@ -68,6 +68,25 @@ def test_two_materials_each_where_it_is(tmp_path):
         np.testing.assert_allclose(got[half], alone[half], atol=2e-3)
 
 
+def test_names_hold_what_they_hold(tmp_path):
+    """A # and several spaces, also beside comments."""
+    red, blue = picture(tmp_path / "a#1  b.png", 1), picture(tmp_path / "c.png", 2)
+    mtl = (
+        "# made # by hand\n newmtl Material #25\nKd 1 1 1 # white\nmap_Kd -s 1 1 1 a#1  b.png\n"
+        'newmtl Material #26 # the other\nmap_Kd  "c.png"   # quoted\n'
+    )
+    faces = "usemtl Material #25\nf 1/1/1 2/2/1 3/3/1 # first\nusemtl Material #26\nf 1/1/1 3/3/1 4/4/1#second\n"
+    mesh, both = read(written(tmp_path, mtl, faces))
+    for name, rgb in (("Material #25", red), ("Material #26", blue)):
+        alone = read(written(tmp_path, mtl, f"usemtl {name}\n" + QUAD))[1]
+        linear = fastibl.Response.srgb().decode(rgb.astype(np.float32) / 255)
+        np.testing.assert_allclose(alone.base_color, linear, atol=1e-6)
+    assert len(mesh.triangles) == 2 and np.ndim(both.base_color) == 3
+    path = written(tmp_path, "newmtl a\nKd 0.5 0.25 0.1\n", "usemtl a # as defined\n" + QUAD)
+    path.write_text(path.read_text().replace("mtllib a.mtl", "mtllib a.mtl # beside it"))
+    assert read(path)[1].base_color == pytest.approx((0.5, 0.25, 0.1))
+
+
 def test_a_picture_as_it_lies(tmp_path):
     """Kd times map_Kd, of a folder named as on Windows; 0 beside a picture counts as 1."""
     rgb = picture(tmp_path / "tex tures" / "a b.png")

@@ -5,6 +5,7 @@ import pytest
 from test_session import RIG, WHITE, ball, given
 
 import fastibl
+from views import camera_of
 
 
 def lit_from_above():
@@ -141,3 +142,69 @@ def test_light_that_pauses_goes_on_as_light_that_moves():
             stream.set_environment(fastibl.CubeMap(cube.faces))
             plans.append(str(stream.process(given(k + 0.5 * j)).plan.methods))
     assert len(set(plans[10:])) == 1
+
+
+def test_a_bake_that_is_interrupted_leaves_the_session_as_it_was(monkeypatch):
+    session = fastibl.Session(ball(), RIG, environment=lit_from_above(), methods={"shadow": "directions"})
+    before = session.process(given())
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    for change in (lambda: session.set_methods({"shadow": "mesh"}), lambda: session.set_cast_shadow(True)):
+        with monkeypatch.context() as patch:
+            patch.setattr(fastibl.session, "bake_shadow", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                change()
+        assert np.array_equal(session.process(given()).image, before.image)
+
+
+@pytest.mark.parametrize(
+    "change", [lambda s, scene: s.move(scene.marker_from_object), lambda s, scene: s.set_scene(scene)]
+)
+def test_an_object_that_was_moved_is_drawn_with_the_pose_of_its_own_row(change):
+    """Of a rolling shutter, whose rows have different poses."""
+    camera = camera_of(192, 144, 50.0).replace(readout=0.03)
+    first, last = (fastibl.Pose.look_at((x, -0.02, 0.5), (x, 0.0, 0.0)) for x in (0.0, 0.02))
+    frame = fastibl.Frame(1.0, np.full((144, 192, 3), 150, np.uint8), back_from_marker=first, back_last_row=last)
+    for y in (0.1, -0.1):
+        place = fastibl.Pose.from_rotation_vector((0, 0, 0), (0, y, 0))
+        moved = fastibl.Scene(ball(radius=0.02).mesh, spheres=10, visibility_rays=0, marker_from_object=place)
+        own = fastibl.Session(moved, fastibl.Rig(camera), environment=lit_from_above(), error=None).process(frame)
+        session = fastibl.Session(ball(radius=0.02), fastibl.Rig(camera), environment=lit_from_above(), error=None)
+        session.process(frame)
+        change(session, moved)
+        assert np.array_equal(session.process(frame).image, own.image)
+
+
+@pytest.mark.parametrize("error", [0.02, 0.1])
+def test_the_same_material_again_changes_nothing(error):
+    """Nor does where the object was placed when its form factors were found."""
+    mesh = fastibl.shapes.figurine(0.06)
+    tilted = fastibl.Pose.from_rotation_vector((0.3, 0.2, 0.0), (0.01, 0.0, 0.02))
+    faces = np.random.default_rng(2).uniform(0, 1, (6, 16, 16, 3)).astype(np.float32) ** 4
+    for material in (fastibl.Material((0.8, 0.7, 0.6)), fastibl.Material((0.5, 0.5, 0.5), (0.2, 0.2, 0.2), 32)):
+        scene = fastibl.Scene(mesh, material, spheres=12)
+        session = fastibl.Session(scene, RIG, environment=fastibl.CubeMap(faces), error=error)
+        session.move(tilted)
+        results = [session.process(given(0.0))]
+        for k in (1, 2):
+            session.set_material(material)
+            results.append(session.process(given(float(k))))
+        assert len({str(r.plan.methods) for r in results}) == 1
+        assert all(np.array_equal(r.image, results[0].image) for r in results)
+
+
+@pytest.mark.parametrize("methods", ["auto", "paper"])
+def test_pictures_that_are_added_to_the_capture_are_seen(methods):
+    wide = camera_of(96, 72, 94.0)
+    session = fastibl.Session(ball(), fastibl.Rig(wide), size=16, distance=np.inf, methods=methods, error=None)
+    picture = np.full((72, 96, 3), 120, np.uint8)
+    session.process(given(0.0, back=picture, back_exposure=1.0))
+    for k in range(8):
+        a = np.pi * k / 4
+        pose = fastibl.Pose.look_at((0, 0, 0.2), (np.cos(a), np.sin(a), 0.5))
+        session.capture.add(picture, wide, pose, exposure=1.0, time=0.1)
+    result = session.process(given(1.0, back=None))
+    assert result.environment.coverage == session.capture.environment().coverage > 0.4
+    assert "mips" not in session.process(given(2.0, back=None)).passes, "once"

@@ -38,6 +38,14 @@ def test_shadow_error_is_that_of_the_ratio(renderer, white):
     assert renderer.shadow_error(none, true) == pytest.approx(np.sqrt(((1 - true)[where] ** 2).mean()), rel=1e-5)
 
 
+@pytest.mark.parametrize("size", [4, 16, 64])
+def test_maps_of_any_power_of_two(renderer, size):
+    light = fastibl.CubeMap(np.full((6, size, size, 3), 0.5, np.float32))
+    assert np.allclose(renderer.plane_gain(light), renderer.plane_gain(fastibl.CubeMap(np.full((6, 32, 32, 3), 0.5))))
+    with pytest.raises(ValueError, match="32 texels wide, .* got 24"):
+        renderer.vertex_irradiance(fastibl.CubeMap(np.ones((6, 24, 24, 3))))
+
+
 def test_picture_error(renderer, white):
     camera = fastibl.Camera(64, 48, 80, 80, 32, 24)
     pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1.0]]))

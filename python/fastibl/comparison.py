@@ -104,9 +104,9 @@ def compare(estimated: Any, true: Any) -> Comparison:
     }
     rmse, invariant, angular = {}, {}, {}
     for name, (x, y) in spheres.items():
-        mean = max(y.mean(), 1e-12)
+        mean = y.mean() or 1e-12
         rmse[name] = float(np.sqrt(((x - y) ** 2).mean()) / mean)
-        factor = (x * y).sum() / max((x * x).sum(), 1e-12)
+        factor = (x * y).sum() / ((x * x).sum() or 1.0)
         invariant[name] = float(np.sqrt(((factor * x - y) ** 2).mean()) / mean)
         lengths = np.linalg.norm(x, axis=-1) * np.linalg.norm(y, axis=-1)
         cosine = (x * y).sum(axis=-1)[lengths > 0] / lengths[lengths > 0]

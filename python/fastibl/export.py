@@ -19,7 +19,7 @@ from . import usd as usd_files
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
 from .axes import HANDEDNESS, from_axes, handed, handedness_of, matrix, radiance_of, to_axes
 from .environment_files import CUBE_WRITERS, FACES, write_environment, write_faces
-from .gltf_light import write_gltf_light
+from .gltf_light import check_gltf_size, write_gltf_light
 from .lighting import Lighting, without_lights
 from .pictures import LINEAR, write_picture
 from .sh_files import CONVENTIONS, rounded, write_sh
@@ -72,7 +72,8 @@ def export_light(
     handedness: that of all cubes' coordinates, as in write_environment; harmonics and lights are in the axes.
     sh: which conventions of `write_sh` to write, as sh.txt and sh.json ("filament"), probe.txt and probe.json
     ("three.js").
-    gltf: whether to write light.glb, see `write_gltf_light`; usd: whether to write light.usda, see `write_usd`.
+    gltf: whether to write light.glb, see `write_gltf_light`, for which `size` must be a power of two of 32 or more;
+    usd: whether to write light.usda, see `write_usd`.
     lights_apart: by default the lights of light.json are also in all maps, for renderers that take no lights beside
     them; adding them would count their light twice. True takes them out of all files but environment.<format>, the map
     as it is seen, and writes environment_without_lights.<format>: as with `without_lights`, the rest of the map and the
@@ -96,6 +97,8 @@ def export_light(
         texels.check_level_count(levels, size)
     if picture is not None and (format in _CUBES or np.shape(picture)[1:] != (2 * len(picture), 3)):
         raise ValueError(f"picture must be (h, 2 h, 3), of format hdr or exr, got {np.shape(picture)}, {format}")
+    if gltf:
+        check_gltf_size(size)
     radiance = radiance_of(cube)
     alphas = _level_parameters(mapping, levels)
     placed = _placed(cube, radiance, axes)

@@ -100,9 +100,10 @@ def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
 def transform(
     translation: ArrayLike = (0, 0, 0), rotation: ArrayLike = (0, 0, 0, 1), scale: ArrayLike = (1, 1, 1)
 ) -> NDArray[np.float64]:
-    """Matrices (..., 4, 4) of T R S. rotation: (..., 4), unit quaternions x y z w; the others (..., 3)."""
+    """Matrices (..., 4, 4) of T R S. rotation: (..., 4), quaternions x y z w, of any length; others (..., 3)."""
     t, s = np.asarray(translation, np.float64), np.asarray(scale, np.float64)
-    x, y, z, w = np.moveaxis(np.asarray(rotation, np.float64), -1, 0)
+    q = np.asarray(rotation, np.float64)
+    x, y, z, w = np.moveaxis(q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-30), -1, 0)
     turn = np.array([
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],

@@ -34,6 +34,11 @@ _SMALLEST = 16  # face edge of the roughest level, as the extension proposes
 _PHASE = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
 
 
+def check_gltf_size(size: int) -> None:
+    if size < 2 * _SMALLEST or size & (size - 1):
+        raise ValueError(f"for a glTF light, size must be a power of two of at least {2 * _SMALLEST}, got {size}")
+
+
 def write_gltf_light(
     path: str | os.PathLike[str], cube: CubeMap | Environment, size: int = 128, error: float = 0.002
 ) -> None:
@@ -47,8 +52,7 @@ def write_gltf_light(
     or ending.
     """
     path = path_ending(path, ".glb", ".gltf")
-    if size < 2 * _SMALLEST or size & (size - 1):
-        raise ValueError(f"size must be a power of two of at least {2 * _SMALLEST}, got {size}")
+    check_gltf_size(size)
     turned = to_axes(radiance_of(cube), "gltf")
     levels = Lighting(turned).prefiltered(size, (size // _SMALLEST).bit_length(), mapping="gltf", error=error)
     # The extension's readers use left-handed cube coordinates, for the harmonics as well as for the faces.

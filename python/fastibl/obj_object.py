@@ -12,8 +12,9 @@ Left out, with a warning that names them: other transparency (d, Tr), bumps (map
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -37,6 +38,7 @@ _LEFT_OUT = {
     "map_ns": "highlights of several shapes", "map_refl": "reflection maps",
     "disp": "displacement", "refl": "reflection maps",
 }  # fmt: skip
+_NAMING = {"norm", "bump", "disp", "refl"}  # lines that end in the name of a picture, as those of map_
 _OTHER_PICTURES = {".bmp", ".dds", ".exr", ".gif", ".hdr", ".psd", ".tga", ".tif", ".tiff", ".webp"}
 _READ_MAPS = {"map_kd", "map_ke", "map_pm", "map_pr", "map_d", "map_opacity", "map_ka"}  # Ka: light that is not there
 _LAYERS = {"pc": "clear coat", "ps": "sheen"}
@@ -112,6 +114,9 @@ class _Library:
     def read(self, line: str) -> None:
         """Reads the files of an mtllib line: one name, which may contain spaces, or several names without spaces."""
         texts = {line: self._text(line)}
+        if texts[line] is None:
+            line = _uncommented(line)[-1]
+            texts = {line: self._text(line)}
         if texts[line] is None and len(line.split()) > 1:
             texts = {name: self._text(name) for name in line.split()}
         for name, text in texts.items():
@@ -124,11 +129,16 @@ class _Library:
         material: dict[str, list[str]] = {}
         own: dict[str, list[str]] = {_BLENDER: []} if text.lstrip().lower().startswith(_BLENDER) else {}
         for row in text.replace("\\\n", " ").splitlines():
-            kind, *rest = row.split("#")[0].split(maxsplit=1) or [""]
+            kind, *rest = row.split(maxsplit=1) or [""]
+            if kind.startswith("#"):
+                continue
+            told = "".join(rest).strip()
             if kind == "newmtl":
-                material = self.materials.setdefault("".join(rest).strip(), dict(own))
+                material = self.materials.setdefault(told, dict(own))
+            elif kind.lower() in _NAMING or kind.lower().startswith("map_"):
+                material[kind.lower()] = told.split(" ")  # names keep their spaces
             else:
-                material[kind.lower()] = "".join(rest).split()
+                material[kind.lower()] = told.split("#")[0].split()
 
     def _text(self, name: str) -> str | None:
         try:
@@ -151,6 +161,9 @@ class _Library:
 
     def surface(self, name: str) -> Surface:
         """How a material of this name looks; grey where none is defined."""
+        if name not in self.materials:
+            defined = (n for n in self.materials if name in _uncommented(n))
+            name = next((n for n in (*_uncommented(name), *defined) if n in self.materials), name)
         if name not in self.materials:
             if name:
                 self.leave(f"material {name} (not defined)")
@@ -195,12 +208,20 @@ class _Library:
             return None
         return self._decoder.shared(cutout)
 
-    def _picture(self, name: str) -> Picture | None:
-        try:
-            data = self._bytes(name)
-        except FileNotFoundError:
-            self.leave(f"{name} (not there)")
-            return None
+    def _found(self, names: Sequence[str]) -> str:
+        """Which of these names a picture has; it is then among the pictures."""
+        for name in names:
+            if name not in self._pictures:
+                try:
+                    self._pictures[name] = self._picture(name, self._bytes(name))
+                except FileNotFoundError:
+                    continue
+            return name
+        self.leave(f"{names[-1]} (not there)")
+        self._pictures[names[-1]] = None
+        return names[-1]
+
+    def _picture(self, name: str, data: bytes) -> Picture | None:
         if PurePosixPath(name).suffix.lower() in _OTHER_PICTURES:
             self.leave(f"{name} (neither PNG nor JPEG)")
             return None
@@ -212,13 +233,15 @@ class _Library:
         if kind not in lines:
             return None
         words, options = list(lines[kind]), {}
-        while words and words[0] in _ARGUMENTS:
-            option, count = words[0], _ARGUMENTS[words.pop(0)]
-            given = [words.pop(0) for _ in range(count) if words and (count < 3 or _is_number(words[0]))]
+        while words and words[0] in {*_ARGUMENTS, ""}:
+            option = words.pop(0)
+            given: list[str] = []
+            while words and len(given) < (count := _ARGUMENTS.get(option, 0)):
+                if words[0] and count == 3 and not _is_number(words[0]):
+                    break
+                given += filter(None, [words.pop(0)])
             options[option] = given
-        name = _here(" ".join(words))
-        if name not in self._pictures:
-            self._pictures[name] = self._picture(name)
+        name = self._found([_here(n.strip().strip('"')) for n in _uncommented(" ".join(words).strip())])
         picture = self._pictures[name]
         if picture is None:
             return None
@@ -228,6 +251,12 @@ class _Library:
         wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
         source = list(self._pictures).index(name)
         return Texture(source, picture, (wrap, wrap), lie, srgb=srgb, channel=channel, factor=factor)
+
+
+def _uncommented(name: str) -> list[str]:
+    """A name, and what is left of it where it ends in comments, the longest first: names may hold a #, too."""
+    ends = [len(name), *(match.start() for match in reversed(list(re.finditer(r"\s+#", name))))]
+    return [name[:end] for end in ends]
 
 
 def _here(name: str) -> str:

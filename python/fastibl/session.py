@@ -242,6 +242,7 @@ class Session(_Session):
         resolved = resolve_methods(methods)
         self._drawn, self._shadow, self._casts = scene, resolved.shadow, bool(cast_shadow)
         self._given_poses = GivenPoses(rig.back, board)
+        self._meters, self._told_of_exposure = board is not None, False
         self._last_time: float | None = None  # of a frame
         self._same_times = 0  # frames after another of that time
         self._captures = environment is None
@@ -279,10 +280,18 @@ class Session(_Session):
         Raises ValueError for pictures of another size than the camera's, exposures that are not positive, time that
         runs backwards (see `restart_clock`), an attitude that is no rotation, or a frame with neither picture nor pose;
         TypeError for other dtypes. Warns of a time that is days after the last frame's, and of many equal ones
-        where the light is captured.
+        where the light is captured, and of exposures that are not told where the light is given and no board would tell
+        them.
         """
         expect(frame, Frame, "frame")
-        self._watch_times(frame.time)
+        untold = frame.back is not None and frame.back_exposure is None
+        if untold and not (self._meters or self._captures or self._told_of_exposure):
+            self._told_of_exposure = True
+            warnings.warn(
+                "the exposure of a back picture is not told, and there is no board whose white would show it: it is "
+                "taken to be the last one that was told, or 1",
+                stacklevel=2,
+            )
         result = self._process(
             frame.time,
             frame.back,
@@ -293,6 +302,7 @@ class Session(_Session):
             frame.back_last_row,
             frame.attitude,
         )
+        self._watch_times(frame.time)
         if frame.back_from_marker is not None and self._given_poses.due:
             mesh = self._drawn.mesh
             vertices = mesh.vertices[np.unique(mesh.triangles)]
@@ -352,9 +362,9 @@ class Session(_Session):
         """Use other methods from the next frame on; bakes the mesh as the constructor does. Raises ValueError for
         unknown names."""
         resolved = resolve_methods(methods)
+        self._bake(self._casts, resolved.shadow)  # first: it may be interrupted
         self._set_methods(resolved)
         self._shadow = resolved.shadow
-        self._bake()
 
     def set_budgets(  # type: ignore[override]
         self, error: float | None = None, milliseconds: float | None = None
@@ -365,15 +375,15 @@ class Session(_Session):
 
     def set_cast_shadow(self, cast: bool) -> None:
         """Switch the shadow on or off; bakes the mesh as the constructor does."""
+        self._bake(cast, self._shadow)
         self._set_cast_shadow(cast)
         self._casts = cast
-        self._bake()
 
-    def _bake(self) -> None:
+    def _bake(self, casts: bool, shadow: str) -> None:
         """Gives the session the scene's baked shadow, whoever baked it: it may have been baked after the session took
         the scene."""
-        if self._casts:
-            bake_shadow(self._drawn, self._shadow)
+        if casts:
+            bake_shadow(self._drawn, shadow)
             self._set_baked_shadow(self._drawn.baked_shadow)
 
     def set_backend(self, backend: str) -> None:

@@ -32,11 +32,14 @@ def write_shadow(
     beside the picture as .json. Opacity is 1 minus the Rec. 709 luminance of the ratio.
     extent: half the picture's edge in metres, by default all that the shadow reaches.
     resolution: pixels along an edge, by default those of the shadow's finest map, at most 4096.
-    Raises ValueError for another ending or values that are not positive, ImportError for .exr without OpenEXR.
+    Raises ValueError for another ending, values that are not positive, and a shadow that was not cast, ImportError for
+    .exr without OpenEXR.
     """
     path = path_ending(path, ".exr", ".png")
     suffix = path.suffix.lower()
     expect(shadow, ShadowMap, "shadow")
+    if extent is None and not shadow.reach > 0:
+        raise ValueError("there is no shadow to write: none was cast")
     extent = float(shadow.reach if extent is None else extent)
     if not 0 < extent < np.inf:
         raise ValueError(f"extent must be positive and finite (metres), got {extent}")

@@ -73,6 +73,19 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
     return counts, counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
 
 
+def _samples(source: CubeMap | Environment) -> tuple[NDArray, NDArray, NDArray]:
+    """Directions, solid angles and radiances of a map, as many as there are rays: see reference.samples. Texels of
+    smaller maps are split. ValueError where these do not fit."""
+    faces = level_at_most(source, _DIRECTIONS)
+    split, rest = divmod(_DIRECTIONS, faces.shape[1])
+    if rest:
+        raise ValueError(
+            f"faces must be {_DIRECTIONS} texels wide, a power of two less, or have a MIP level that is, got "
+            f"{faces.shape[1]}"
+        )
+    return reference.samples(faces.repeat(split, axis=1).repeat(split, axis=2))
+
+
 @dataclass
 class _Seen:
     """What a camera sees of the object, place by place. pixel (n,): number of the pixel in the picture; part (n,):
@@ -224,7 +237,7 @@ class TrueRenderer:
         self, source: CubeMap | Environment, points: NDArray, normals: NDArray, hidden: NDArray[np.uint8]
     ) -> NDArray:
         """Irradiance (n, 3) without the part of the map that the object hides."""
-        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
+        d, angle, radiance = _samples(source)
         normals = normals.astype(np.float64)
         flux, out = radiance * angle[:, None], np.empty((len(normals), 3))
         for i in range(0, len(normals), 512):
@@ -238,7 +251,7 @@ class TrueRenderer:
         """Irradiance (n, 3) that points of the object lose because of the shadow on the plane."""
         import cv2
 
-        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
+        d, angle, radiance = _samples(source)
         down = np.flatnonzero(d[:, 2] < 0)
         d, flux = d[down], (radiance * angle[:, None])[down].astype(np.float32)
         normals, points = normals.astype(np.float64), points.astype(np.float64)
@@ -301,7 +314,7 @@ class TrueRenderer:
         ratio = self.plane_ratio(source)
         if not self.bounce:
             return ratio
-        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
+        d, angle, radiance = _samples(source)
         plane = np.maximum((radiance * (angle * np.maximum(d[:, 2], 0))[:, None]).sum(axis=0), 1e-12)
         point, vertex, weights = self._seen_from_plane()
         sent, added = self.exitance(source), np.empty((len(self._points), 3))
@@ -314,7 +327,7 @@ class TrueRenderer:
         """True shadow ratio (grid, grid, 3) on the plane; row 0 is y min."""
         if self._ratio is not None and self._ratio[0] is source:
             return self._ratio[1]
-        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS))
+        d, angle, radiance = _samples(source)
         flux = radiance * (angle * np.maximum(d[:, 2], 0))[:, None]
         total = np.maximum(flux.sum(axis=0), 1e-12)
         lost = np.empty((len(self.hidden_at_plane), 3))

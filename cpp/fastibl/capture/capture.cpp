@@ -66,6 +66,7 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   const double bright = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
   const Taken taken = judge(given, exposure, tint, known);
   if (taken.as == TakenAs::left_out) return taken;
+  ++added_;
   const Taking how{taken, time, bright, plane, clips_in_all(taken, known)};
   std::vector<int> changed;
   bool any = false, metered = false;

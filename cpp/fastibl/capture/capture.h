@@ -84,6 +84,7 @@ class Capture {
   // How often everything that a camera without told exposures had shown was made brighter or darker
   // as a whole, so that the sky lights the board as its white says.
   int mended() const { return scale_.mended(); }
+  int added() const { return added_; }  // pictures that were not left out
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
@@ -103,6 +104,7 @@ class Capture {
   void learn_layout(const PosedPicture& posed, const Taking& how);
 
   CaptureOptions options_;
+  int added_ = 0;
   double time_ = -1e30;
   std::optional<Camera> last_camera_;
   KnownCameras cameras_;

@@ -121,6 +121,8 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
     if (options.measure_error) lighting.irradiance_error = measure_error(lighting.irradiance, map);
   } else {
     lighting.irradiance_error = 0;
+    if (options.plane)
+      lighting.plane_irradiance = glm::vec3(plane_irradiance(fold(*radiance, kSumSize)));
   }
   lighting.radiance = std::move(radiance);
   if (options.environment) {

@@ -15,6 +15,7 @@ struct LightingOptions {
   GlossySettings glossy_settings = {};
   Normalization normalization = Normalization::energy;
   bool irradiance = true;     // false: only what glossy surfaces read
+  bool plane = false;         // also E(z), where no other irradiance is asked for
   bool chain = true;          // false: nothing glossy will be shaded
   bool measure_error = true;  // also compare the irradiance with a sum over the 32² level (0.1
                               // ms); false: only when irradiance_error() asks for it

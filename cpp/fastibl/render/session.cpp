@@ -181,7 +181,6 @@ void Session::update_plan(bool choose) {
   const Camera& drawn = drawn_camera();
   options.workload =
       workload_of(scene_, drawn.width, drawn.height, light_moves(), options_.cast_shadow);
-  if (const auto groups = shares_.groups()) options.workload.groups = double(*groups);
   if (const std::optional<PartCounts> parts = renderer_->parts(); parts && parts->shaded > 0)
     options.object = parts;
   options.slowdown = time_.slowdown();
@@ -192,6 +191,9 @@ void Session::update_plan(bool choose) {
   const Methods before = plan_.methods;
   options.settled = !choose && plan_.picture_error;
   if (options.settled || (light_moves() && plan_.picture_error)) options.keep = &before;
+  // Those of the pose that the exchange was placed for, which is an earlier choice, too.
+  if (const auto groups = shares_.groups(); groups && options.settled)
+    options.workload.groups = double(*groups);
   const bool bounced = plan_.includes(PassId::bounce), near_ = plan_.includes(PassId::near_light);
   plan_ = make_plan(scene_, environment_.get(), options);
   // Near lights came to matter, or no longer do.
@@ -367,7 +369,7 @@ void Session::ensure_lighting() {
     Lighting chain;
     if (map) {
       LightingOptions options = lighting_options();
-      options.irradiance = false;
+      options.irradiance = false, options.plane = meter_.has_value();
       chain = fit_lighting(map, options, lighting_.get());
     }
     lighting_ = std::make_shared<const Lighting>(std::move(chain));
@@ -380,7 +382,9 @@ void Session::ensure_lighting() {
 }
 
 void Session::read_exposure(const Frame& frame, const Pose& drawn_from) {
-  if (!fixed_environment_ || !meter_ || frame.back.empty() || frame.back_exposure) return;
+  const bool captured =
+      !fixed_environment_ && options_.methods.capture == CaptureMethod::continuous;
+  if (captured || !meter_ || frame.back.empty() || frame.back_exposure) return;
   const ByteResponse codes(rig_.back.response);
   const auto shown = meter_->read(PixelReader(frame.back, rig_.back.response, codes), rig_.back,
                                   Lens(rig_.back), drawn_from, 1);
@@ -401,7 +405,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
         back_exposure_ = taken->exposure;
       return true;
     case PassId::mips:
-      environment_ = capture_.map().environment();
+      environment_ = capture_.map().environment(), pictures_ = capture_.map().added();
       return true;
     case PassId::irradiance:
       lighting_ = std::make_shared<const Lighting>(
@@ -479,6 +483,12 @@ void Session::see_first_light(const Frame& frame, FrameResult& result, const Pos
   if (environment_) stale_ &= ~product::radiance;  // no method changes the map
 }
 
+Pose Session::pose_of_object(const FrameResult& result) const {
+  if (!result.back_last_row) return *result.back_from_marker;
+  const glm::vec3 middle = bounds(scene_.mesh.vertices).centre();
+  return tracker_.pose_of_row(result, scene_.marker_from_object * glm::dvec3(middle));
+}
+
 bool Session::may_show(const Pose& drawn_from) {
   if (!view_ || view_->camera() != drawn_by_) view_.emplace(drawn_by_);
   if (plan_.includes(PassId::shadow)) {
@@ -494,7 +504,7 @@ bool Session::may_show(const Pose& drawn_from) {
 // its turn.
 void Session::run_due(const Frame& frame, FrameResult& result) {
   const std::optional<Pose>& pose = result.back_from_marker;
-  const Pose drawn_from = pose ? tracker_.pose_of_row(result, capture_.map().centre()) : Pose{};
+  const Pose drawn_from = pose ? pose_of_object(result) : Pose{};
   drawn_from_ = pose && may_show(drawn_from) ? std::optional(drawn_from) : std::nullopt;
   // From a camera that stays, the object looks as before.
   if (drawn_from_ && shown_from_ != drawn_from) stale_ |= product::pose, shown_from_ = drawn_from;
@@ -559,6 +569,8 @@ void Session::process(const Frame& given, FrameResult& result) {
     return true;
   });
   stale_ |= product::back_picture;
+  if (!fixed_environment_ && capture_.map().added() != pictures_)  // others were added to it
+    stale_ |= product::light_pictures;
   if (drawn_by_ != drawn_camera()) drawn_by_ = drawn_camera(), shown_from_.reset();
   if (wants_capture(frame, result)) stale_ |= product::light_pictures;
   tracker_.find_motion(frame, result);

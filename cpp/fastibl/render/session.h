@@ -139,13 +139,15 @@ class Session {
   LightingOptions lighting_options() const;
   void ensure_lighting();  // for this map, with the chain that glossy light is read from
   // Reads the exposure of a back picture without one from the board's white, where the light is
-  // given. It stays as it was where that white is not seen.
+  // given or only the front camera's. It stays as it was where that white is not seen.
   void read_exposure(const Frame& frame, const Pose& drawn_from);
   // drawn_from: the pose that the object is drawn with, that of the row that shows its middle.
   bool run_pass(PassId id, const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_passes(const std::vector<PassId>& due, const Frame& frame, FrameResult& result,
                   const Pose& drawn_from);
   bool is_due(PassId id, Products wanted) const;  // whether it would run now
+  // The pose of the row that shows the object's middle, of a frame with a pose.
+  Pose pose_of_object(const FrameResult& result) const;
   bool may_show(const Pose& drawn_from);  // whether anything of the scene can be in the picture
   void see_first_light(const Frame& frame, FrameResult& result, const Pose& drawn_from);
   void run_due(const Frame& frame, FrameResult& result);
@@ -169,6 +171,7 @@ class Session {
   LightTurns turns_;
   bool in_turns_ = false;  // this frame
   float light_lag_ = 0;    // relative change of the light from one of its turns to the next
+  int pictures_ = 0;       // of the capture, that the map which is drawn with was made of
   Products held_ = 0;      // what pictures made stale, held until the light's turn
   FrameClock clock_;
   double back_exposure_ = 1;  // of the last back picture, as far as it is known

@@ -26,6 +26,12 @@ constexpr double kMostOfOne = 1.5;          // colours whose white is 1 hardly e
 
 bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
+// Whether a line holds a name, in which # may stand, as in "Material #25".
+bool is_name(std::string_view line) {
+  while (!line.empty() && is_space(line.front())) line.remove_prefix(1);
+  return line.starts_with("usemtl") || line.starts_with("mtllib");
+}
+
 // Lines without comments; a line that ends in a backslash is joined to the next.
 class Lines {
  public:
@@ -54,7 +60,7 @@ class Lines {
     line_.remove_prefix(n);
     return found;
   }
-  // What follows the words so far.
+  // What follows the words so far: on lines with a name, comments too.
   std::string_view rest() {
     while (!line_.empty() && is_space(line_.front())) line_.remove_prefix(1);
     return line_;
@@ -67,7 +73,7 @@ class Lines {
     const std::size_t end = std::min(rest_.find('\n'), rest_.size());
     std::string_view line = rest_.substr(0, end);
     rest_.remove_prefix(std::min(end + 1, rest_.size()));
-    line = line.substr(0, line.find('#'));
+    if (!is_name(line)) line = line.substr(0, line.find('#'));
     while (!line.empty() && is_space(line.back())) line.remove_suffix(1);
     return line;
   }
