@@ -163,6 +163,7 @@ def test_attitudes_are_read_and_recorded(recording, tmp_path):
 
 def test_attitudes_of_one_time_are_each_their_own(recording, tmp_path):
     turns = [fastibl.Pose.from_rotation_vector([0.1 * k, 0.2, 0.3], np.zeros(3)).rotation for k in range(3)]
+    turns[:1] = [None]  # not the next one's
     frames = [
         dataclasses.replace(frame, attitude=turn, time=0.0, front=None)
         for frame, turn in zip(recording, turns, strict=False)
@@ -172,7 +173,8 @@ def test_attitudes_of_one_time_are_each_their_own(recording, tmp_path):
     again = list(fastibl.Recording.open(tmp_path / "again"))
     assert [frame.time for frame in again] == [0.0] * 3
     for frame, before, turn in zip(again, frames, turns, strict=True):
-        assert np.array_equal(frame.attitude, turn) and np.array_equal(frame.back, before.back)
+        assert (frame.attitude is None) == (turn is None) and np.array_equal(frame.back, before.back)
+        assert turn is None or np.array_equal(frame.attitude, turn)
 
 
 def test_all_of_a_rig_goes_through(recording, tmp_path):

@@ -133,15 +133,25 @@ void Recorder::run() {
 void Recorder::write(const OwnedFrame& frame) {
   if (!frame.back.empty()) write_picture("back", frame.time, frame.back, frame.back_exposure);
   if (!frame.front.empty()) write_picture("front", frame.time, frame.front, frame.front_exposure);
-  if (frame.attitude) write_attitude(frame.time, *frame.attitude);
+  if (frame.time != time_) time_ = frame.time, untold_ = 0;
+  if (!frame.attitude) {
+    ++untold_;
+    return;
+  }
+  // Frames of one time are told apart by their order: those before this one had none.
+  for (; untold_ > 0; --untold_) write_attitude(frame.time, std::nullopt);
+  write_attitude(frame.time, frame.attitude);
 }
 
-void Recorder::write_attitude(double time, const glm::dmat3& attitude) {
+void Recorder::write_attitude(double time, const std::optional<glm::dmat3>& attitude) {
   const fs::path path = folder_ / "attitudes.csv";
   if (attitudes_ < 0) attitudes_ = open_table(path, std::string(kAttitudeColumns) + '\n');
   std::string line = number(time);
   for (int r = 0; r < 3; ++r)
-    for (int c = 0; c < 3; ++c) line.append(",").append(number(attitude[c][r]));
+    for (int c = 0; c < 3; ++c) {
+      line.append(",");
+      if (attitude) line.append(number((*attitude)[c][r]));
+    }
   append(attitudes_, line + "\n", path);
 }
 

@@ -39,12 +39,14 @@ class Recorder {
   void write(const OwnedFrame& frame);
   void write_picture(const char* camera, double time, const Image<std::uint8_t>& picture,
                      std::optional<double> exposure);
-  void write_attitude(double time, const glm::dmat3& attitude);
+  void write_attitude(double time, const std::optional<glm::dmat3>& attitude);
   void check_disk() const;
 
   std::filesystem::path folder_;
   int table_ = -1, attitudes_ = -1;  // frames.csv, attitudes.csv
   int counts_[2] = {0, 0};
+  double time_ = 0;  // of the last frame
+  int untold_ = 0;   // frames of that time, up to the last one, without an attitude in the list
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::shared_ptr<const OwnedFrame>> waiting_;

@@ -1,13 +1,16 @@
 #include "demo/recording_reader.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "demo/calibration.h"
 #include "demo/pixels.h"
@@ -108,7 +111,8 @@ void for_lines(std::ifstream& file, const fs::path& path, Visit&& visit) {
   }
 }
 
-// Calls visit(time, numbers) for each line of a table with these columns.
+// Calls visit(time, numbers) for each line of a table with these columns; with a null pointer where
+// all of its numbers are left empty.
 template <typename Visit>
 void for_numbers(std::ifstream& file, const fs::path& path, std::string_view columns,
                  Visit&& visit) {
@@ -117,9 +121,11 @@ void for_numbers(std::ifstream& file, const fs::path& path, std::string_view col
   for_lines(file, path, [&](const std::vector<std::string>& row, const std::string& where) {
     check(row.size() == expected.size(), where, ": expected a time and ", expected.size() - 1,
           " numbers, got ", row.size(), " values");
+    if (std::all_of(row.begin() + 1, row.end(), std::mem_fn(&std::string::empty)))
+      return visit(number(row[0], where), static_cast<const double*>(nullptr));
     std::vector<double> numbers;
     for (const std::string& cell : row) numbers.push_back(number(cell, where));
-    visit(numbers[0], numbers.data() + 1);
+    visit(numbers[0], std::as_const(numbers).data() + 1);
   });
 }
 
@@ -180,6 +186,7 @@ void RecordingReader::read_poses(const fs::path& path) {
   std::ifstream file(path);
   check(file.good(), "--poses truth needs true poses: expected ", path.string());
   for_numbers(file, path, kPoseColumns, [&](double time, const double* m) {
+    check(m != nullptr, path.string(), ": expected a pose at ", time, " s");
     glm::dmat4 matrix(1.0);
     for (int k = 0; k < 12; ++k) matrix[k % 4][k / 4] = m[k];
     poses_[time] = Pose::from_matrix(matrix);
@@ -191,10 +198,13 @@ void RecordingReader::read_attitudes(const fs::path& path) {
   std::ifstream file(path);
   if (!file.good()) return;
   for_numbers(file, path, kAttitudeColumns, [&](double time, const double* m) {
-    glm::dmat3 rotation;
-    for (int k = 0; k < 9; ++k) rotation[k % 3][k / 3] = m[k];
-    check(is_rotation(rotation, kAttitude), path.string(), ": the attitude at ", time,
-          " s must be a rotation");
+    std::optional<glm::dmat3> rotation;
+    if (m) {
+      rotation.emplace();
+      for (int k = 0; k < 9; ++k) (*rotation)[k % 3][k / 3] = m[k];
+      check(is_rotation(*rotation, kAttitude), path.string(), ": the attitude at ", time,
+            " s must be a rotation");
+    }
     attitudes_.emplace(time, rotation);  // after others with the same time
   });
 }

@@ -49,7 +49,7 @@ class RecordingReader final : public FrameSource {
   std::multimap<double, Moment>::const_iterator next_;
   bool true_poses_;
   std::map<double, Pose> poses_;
-  std::multimap<double, glm::dmat3> attitudes_;
+  std::multimap<double, std::optional<glm::dmat3>> attitudes_;
   std::map<std::string, Video> videos_;
 };
 

@@ -89,7 +89,7 @@ struct SentFrom {
 SentFrom sent_from(const glm::dvec3& weighted, double weights, const PlaneExchange& exchange,
                    const PlaneMotion& motion) {
   const float cell = 2 * exchange.extent() / float(std::max(exchange.cells(), 1));
-  if (!(weights > 0)) return {glm::vec2(0), 0};
+  if (!(weights > 0) || !std::isfinite(weights)) return {glm::vec2(0), 0};
   const glm::vec3 from(weighted / weights);
   const glm::vec2 at = motion.inverse() * glm::vec2(from) - exchange.centre();
   return {at / cell, std::max(from.z, 0.0f) / cell};
