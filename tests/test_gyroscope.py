@@ -67,6 +67,13 @@ def test_what_is_no_log(tmp_path, text, told):
     assert told in str(error.value)
 
 
+def test_a_first_reading_of_whole_numbers(tmp_path):
+    (tmp_path / "log").write_text("time, x, y, z\n0, 0, 0, 0\n0.01, 0.1, 0.2, 0.3\n0.02, 0.1, 0.2, 0.3\n")
+    times, rates = read_gyroscope(tmp_path / "log")
+    np.testing.assert_allclose(times, [0, 0.01, 0.02])
+    np.testing.assert_allclose(rates[1:], [[0.1, 0.2, 0.3]] * 2)
+
+
 def test_attitudes_of_a_steady_turn():
     """90 degrees a second about the gyroscope's z, which is the camera's minus y; a drift about its x."""
     times, mount = np.arange(0, 2, 0.01), np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

@@ -436,9 +436,13 @@ def test_a_kept_map_is_not_lost(tmp_path, written):
 
 def test_a_map_that_cannot_be_kept_ends_nothing(tmp_path, monkeypatch):
     path, said = tmp_path / "map.ktx2", []
-    path.write_bytes(b"damaged")
+    path.write_bytes(b"damaged")  # or of a kind that cannot be read, or not allowed to be
     with _kept_map.KeptMap(path, said.append) as kept:
-        assert kept.prior is None and "without an earlier map" in said[0]
+        assert kept.prior is None and "without an earlier map" in said[0] and "stays as it is" in said[0]
+        kept.note(_Result(1.0))
+    assert path.read_bytes() == b"damaged" and len(said) == 1
+    path.unlink()
+    with _kept_map.KeptMap(path, said.append) as kept:
 
         def full(*_):
             raise OSError(28, "No space left on device")
@@ -448,9 +452,25 @@ def test_a_map_that_cannot_be_kept_ends_nothing(tmp_path, monkeypatch):
         for _ in range(3):
             kept.note(_Result(1.0))
             kept._wait()
-    assert len(said) == 2 and "No space" in said[1] and path.read_bytes() == b"damaged"
+    assert len(said) == 2 and "No space" in said[1] and not path.exists()
     with pytest.raises(ValueError, match=r"\.ktx2, got map\.hdr"):
         _kept_map.KeptMap(tmp_path / "map.hdr", print)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--simulate", "--rig", "r.yaml"], "--rig is of cameras"),
+        (["--simulate", "--front-fov", "50"], "--front-fov is of cameras"),
+        (["--simulate", "--flicker", "100"], "--flicker is of cameras"),
+        (["--recording", "{recording}", "--size", "320x240"], "--size is of cameras"),
+        (["--back", "0", "--rig", "{recording}/rig.yaml", "--fov", "70"], "--fov goes without --rig"),
+        (["--back", "0", "--rig", "{recording}/rig.yaml", "--size", "320x240"], "--size goes without --rig"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(recording, capsys, options, told):
+    assert main(["live", "--no-page", *(o.format(recording=recording) for o in options)]) == 2
+    assert told in capsys.readouterr().err
 
 
 def test_starting_anew_forgets_the_kept_map(tmp_path):

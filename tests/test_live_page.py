@@ -877,3 +877,47 @@ def test_without_a_board_the_picture_is_the_cameras(run):
     assert not state["board"]["seen"] and state["light"] is None
     assert client.picture("map", wait=0) == (None, 0)
     assert np.array_equal(loop.latest.get().result.image, loop.latest.get().frame.back)
+
+
+class TwoCameras(Source):
+    """Pictures of a back and a front camera in turn; from `alone` on the front camera's alone."""
+
+    def __init__(self, alone=None):
+        super().__init__(pause=0.01)
+        self.rig, self.alone = fastibl.Rig(CAMERA, CAMERA, fastibl.Pose(np.diag([1.0, -1, -1, 1]))), alone
+
+    def __iter__(self):
+        for k, frame in enumerate(super().__iter__()):
+            if self.alone is None or k < self.alone:
+                yield frame
+            yield fastibl.Frame(frame.time + 0.004, front=np.roll(255 - frame.back, k, axis=1))
+
+
+def test_changes_of_a_picture_before_a_front_cameras(run):
+    """A frozen one, or the last of a back camera that is away: front pictures may have come since."""
+    client, *_ = run(TwoCameras(), {"environment": None})
+    client.until(lambda s: s["picture"] > 3)
+    for k in range(4):
+        client.change(freeze=True)
+        before = client.until(lambda s: s["state"] == "frozen")
+        client.change(turn=10.0 * (k + 1))
+        client.until(
+            lambda s, k=k, n=before["picture"]: s["picture"] == n + 1 and s["settings"]["turn"] == 10 * (k + 1)
+        )
+        client.change(freeze=False)
+        client.until(lambda s, n=before["picture"]: s["picture"] > n + 2)
+    assert not any("backwards" in m["text"] for m in client.state()["messages"])
+
+
+def test_a_front_camera_that_goes_on_alone(run):
+    client, *_ = run(TwoCameras(alone=5), {"environment": None})
+    time.sleep(0.5)
+    shown = client.until(lambda s: s["picture"] >= 5)["picture"]
+    first, number = client.picture("front")
+    later, after = client.picture("front", number)
+    assert after > number and not np.array_equal(first, later)
+    client.change(turn=45.0)
+    client.until(lambda s: s["picture"] == shown + 1 and s["settings"]["turn"] == 45)
+    for view, drawn in (("back", True), ("composite", True), ("front", False), ("map", False)):
+        answer, _ = client.ask(f"picture/{view}?after=0&overlay=1")
+        assert answer.status == 200 and bool(answer.headers.get("X-Overlay")) == drawn

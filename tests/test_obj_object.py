@@ -101,7 +101,8 @@ def test_a_picture_as_it_lies(tmp_path):
 @pytest.mark.parametrize(
     ("options", "scale", "shift"),
     [("-s 2 2 1", (2, 2), (0, 0)), ("-s 2 3 -o 0.25 0.125", (2, 3), (0.25, 0.125)), ("-o 0.5", (1, 1), (0.5, 0)),
-     ("-clamp on -s 2 2 2", (2, 2), (0, 0)), ("-bm 1 -mm 0 1", (1, 1), (0, 0))],
+     ("-clamp on -s 2 2 2", (2, 2), (0, 0)), ("-s 2\t2 1\t", (2, 2), (0, 0)),
+     ("-clamp\ton\t", (1, 1), (0, 0)), ("-bm 1 -mm 0 1", (1, 1), (0, 0))],
 )  # fmt: skip
 def test_options_of_pictures(options, scale, shift, tmp_path):
     """Seen as emission: uv times -s plus -o, v upwards."""

@@ -159,6 +159,15 @@ def test_the_lens_of_a_film_is_found(tmp_path, capsys):
     assert Recording.open(out).rig.back.fx == pytest.approx(guessed_camera((640, 480)).fx)
 
 
+def test_a_film_is_not_removed_before_it_is_copied(tmp_path, capsys):
+    recording = fastibl.simulate(seconds=0.3, fps=10, size=(64, 48), hand=False, out=tmp_path / "r", video=True)
+    for out in ("r", "r/../r"):
+        command = ["record", str(tmp_path / out), "--back", str(tmp_path / "r" / "back.mkv")]
+        assert main(command) == 2
+        assert "choose another folder" in capsys.readouterr().err
+    assert len(list(Recording.open(tmp_path / "r"))) == len(recording)
+
+
 def test_what_a_film_cannot_do_is_said(tmp_path, capsys):
     out, video = tmp_path / "out", film(tmp_path / "camera.avi", 3)
     broken, rig = tmp_path / "broken.avi", tmp_path / "rig.yaml"

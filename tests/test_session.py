@@ -523,6 +523,20 @@ def test_times_that_do_not_go_on_are_told():
     assert len(told) == 1 and told[0].filename == __file__
 
 
+def test_a_detector_may_keep_its_pictures():
+    kept, copies = [], []
+
+    def detector(grey, board, camera):
+        kept.append(grey), copies.append(grey.copy())
+        assert not grey.flags.writeable
+        return [], None
+
+    session = fastibl.Session(ball(), RIG, fastibl.Board.default(), WHITE, detector=detector)
+    for k in range(4):
+        session.process(fastibl.Frame(float(k), np.roll(BACK, 7 * k, axis=1)))
+    assert len(kept) == 4 and all(map(np.array_equal, kept, copies))
+
+
 def test_a_failing_detector_passes_its_error_on():
     def fails(grey, board, camera):
         raise KeyError("no such tag")

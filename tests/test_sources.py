@@ -165,13 +165,28 @@ def test_a_camera_that_opens_and_gives_nothing_is_told_of_once(tells):
     driver, lines, busy = Driver(tells=tells), [], [True]
     opened = lambda device: Busy(driver) if busy[0] else driver.open(device)  # noqa: E731
     with LiveCamera(0, open_capture=opened, retry=0.005, log=lines.append) as camera:
-        time.sleep(0.2)
+        assert waited(lambda: lines)
+        time.sleep(1.2)  # it is tried again
         assert camera.newest(0.0) is None
         told = list(lines)
         busy[0] = False
         assert camera.newest(5.0) is not None
     assert len(told) == 1 and "opens, but gives no pictures" in told[0]
     assert "gives pictures now" in lines[-1]
+
+
+def test_a_camera_that_takes_its_time_to_start():
+    class Slow(FakeCapture):
+        failures = 20
+
+        def grab(self):
+            self.failures -= 1
+            return self.failures < 0 and super().grab()
+
+    driver, lines = Driver(), []
+    with LiveCamera(0, open_capture=lambda _: Slow(driver), retry=0.01, log=lines.append) as camera:
+        assert camera.newest(5.0) is not None
+    assert not lines
 
 
 def test_an_exposure_that_a_driver_refuses_and_changes_is_not_the_old_one():
@@ -592,6 +607,38 @@ def test_a_films_pictures_are_the_sensors(tmp_path):
     assert all(f.back.shape == (48, 64, 3) for f in sources.VideoSource(RIG, path))
     with sources.CameraSource(fastibl.Rig(CAMERA), str(path)) as source:
         assert {f.back.shape for f in source} == {(48, 64, 3)} and source.refused == 0
+
+
+def test_a_gap_between_frames_holds_nobody_up():
+    """Changes are made, and programs ended, while the next frame of a time-lapse is hours away."""
+    frames = [fastibl.Frame(t, np.zeros((48, 64, 3), np.uint8)) for t in (0.0, 0.01, 3600.0)]
+    source = sources.Paced(fastibl.Recording(RIG, frames))
+    given = iter(source)
+    assert source.wait(0.0) and next(given).time == 0.0
+    while not source.wait(0.005):
+        pass
+    assert next(given).time == 0.01
+    begin = time.monotonic()
+    assert not source.wait(0.05) and 0.04 < time.monotonic() - begin < 2
+    threading.Timer(0.1, source.close).start()
+    assert next(given, None) is not None and time.monotonic() - begin < 5, "closing ends the pause"
+
+    def broken():
+        yield frames[0]
+        raise OSError("the film is cut off")
+
+    class Film:
+        rig, board = RIG, None
+
+        def __iter__(self):
+            return broken()
+
+    source = sources.Paced(Film())
+    given = iter(source)
+    next(given)
+    assert source.wait(0.01)
+    with pytest.raises(OSError, match="cut off"):
+        next(given)
 
 
 def test_pace():

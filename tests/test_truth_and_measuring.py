@@ -46,6 +46,23 @@ def test_maps_of_any_power_of_two(renderer, size):
         renderer.vertex_irradiance(fastibl.CubeMap(np.ones((6, 24, 24, 3))))
 
 
+def test_small_maps_are_what_they_are_in_finer_texels():
+    """For every part of the light."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(2, 0.02)
+    mesh = fastibl.Mesh(ball.vertices + [0, 0, 0.06], ball.faces)
+    faces = np.random.default_rng(1).uniform(0, 2, (6, 8, 8, 3)).astype(np.float32)
+    small, fine = fastibl.CubeMap(faces), fastibl.CubeMap(faces.repeat(4, axis=1).repeat(4, axis=2))
+    camera = fastibl.Camera(32, 24, 80, 80, 16, 12)
+    pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1.0]]))
+    back = np.full((24, 32, 3), 120, np.uint8)
+    for material in (fastibl.Material((0.2,) * 3, (0.5,) * 3, 200), fastibl.Material.pbr((1, 1, 1), 1.0, 0.3)):
+        renderer = truth.TrueRenderer(fastibl.Scene(mesh, material), grid=8)
+        pictures = [renderer.render(back, 1.0, camera, pose, light).linear for light in (small, fine)]
+        np.testing.assert_allclose(*pictures, rtol=1e-4, atol=1e-6)
+
+
 def test_picture_error(renderer, white):
     camera = fastibl.Camera(64, 48, 80, 80, 32, 24)
     pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1.0]]))

@@ -39,6 +39,14 @@ def test_pictures_without_times_come_at_the_rate(tmp_path, fps):
     assert np.abs(np.array(times(tmp_path / "a.webm")) - np.arange(40) / fps).max() <= 0.0006
 
 
+@pytest.mark.parametrize("fps", [0, 1 / 3600])
+def test_pictures_of_a_time_lapse_are_shown_when_they_were_taken(tmp_path, fps):
+    with VideoWriter(tmp_path / "a.webm", fps) as video:
+        for k in range(3):
+            video.add(stripes(32, 40), 60.0 * k)
+    assert times(tmp_path / "a.webm") == [0, 60, 120]
+
+
 def test_colours_are_those_of_bt709_as_the_file_says(tmp_path):
     with VideoWriter(tmp_path / "a.webm", 30) as video:
         for _ in range(3):

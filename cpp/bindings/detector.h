@@ -44,7 +44,7 @@ inline std::vector<DetectedTag> require_tags(const py::handle& object) {
   return tags;
 }
 
-// callable: f(grey (height, width) uint8, read only and valid during the call, board, camera) ->
+// callable: f(grey (height, width) uint8, read only, board, camera) ->
 // (list of (id, corners (4, 2)), start), corners with pixel centres at + 0.5 in the order of
 // Tag.corners, start camera_from_marker as Pose or (4, 4), or None. What it raises passes through.
 inline Detector make_detector(py::object callable) {
@@ -57,12 +57,12 @@ inline Detector make_detector(py::object callable) {
   });
   return [shared](ImageView<const std::uint8_t> grey, const Board& board, const Camera& camera) {
     const WithGil gil;
-    // The capsule owns nothing: the picture is the caller's, so no copy is made.
-    const py::array_t<std::uint8_t> view({py::ssize_t{grey.height}, py::ssize_t{grey.width}},
-                                         {py::ssize_t{grey.stride()}, py::ssize_t{1}}, grey.data,
-                                         py::capsule(grey.data, [](void*) {}));
-    view.attr("setflags")(py::arg("write") = false);
-    const py::object found = (*shared)(view, board, camera);
+    // A copy, which the detector may keep.
+    const py::array_t<std::uint8_t> picture({py::ssize_t{grey.height}, py::ssize_t{grey.width}},
+                                            {py::ssize_t{grey.stride()}, py::ssize_t{1}},
+                                            grey.data);
+    picture.attr("setflags")(py::arg("write") = false);
+    const py::object found = (*shared)(picture, board, camera);
     if (!py::isinstance<py::sequence>(found) || py::len(found) != 2)
       throw py::type_error("a detector must return (tags, start), got " + type_name(found));
     const auto pair = py::reinterpret_borrow<py::sequence>(found);

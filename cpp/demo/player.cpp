@@ -79,12 +79,12 @@ bool Player::advance() {
   FrameResult result = session_->process(frame_->view());
   timings_.add(result.timings);
   watch_time(result);
-  changed_ = false;
   // A frame with a front picture alone only feeds the map; there is nothing to show.
   if (frame_->back.empty()) {
     result_.environment = result.environment;
     return true;
   }
+  shown_ = frame_, changed_ = false;
   result_ = std::move(result);
   tracked_ = result_.tracked;
   if (!result_.back_from_marker) ++unseen_;
@@ -109,10 +109,11 @@ void Player::watch_time(const FrameResult& result) {
 // only once.
 void Player::refresh() {
   adopt_object();
-  if (!changed_ || !frame_ || frame_->back.empty()) return;
+  if (!changed_ || !shown_) return;
   changed_ = drawn_ = false;
   if (!result_.back_from_marker || !result_.environment) return;
-  Frame frame = frame_->view();
+  Frame frame = shown_->view();
+  frame.time = frame_->time;  // front pictures may have come since
   frame.front = {}, frame.back_from_marker = result_.back_from_marker;
   frame.back_last_row = result_.back_last_row;
   session_->set_environment(result_.environment);
@@ -133,7 +134,8 @@ const Image<std::uint8_t>& Player::picture() {
   const Stopwatch drawing;
   Canvas canvas(picture_);
   const std::shared_ptr<const CubeMap> truth = source_->true_light();
-  const View view{source_->rig(), board_, *frame_, result_, *session_, timings_, truth.get()};
+  const View view{source_->rig(), board_,     shown_ ? *shown_ : *frame_, result_, *session_,
+                  timings_,       truth.get()};
   bool any = false;
   for (std::size_t k = 0; k < kOverlays.size(); ++k)
     if (overlays_[k]) kOverlays[k].draw(canvas, view), any = true;

@@ -107,7 +107,7 @@ class Player {
   double coming_height_ = 0;
   bool again_ = false;  // another object was asked for than is being made
   std::unique_ptr<Recorder> recorder_;
-  std::shared_ptr<const OwnedFrame> frame_;
+  std::shared_ptr<const OwnedFrame> frame_, shown_;  // the last one, and the last with a back picture
   FrameResult result_;
   std::optional<Tracked> tracked_;  // kept for the frame, however often it is drawn
   Image<std::uint8_t> picture_;

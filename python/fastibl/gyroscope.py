@@ -69,7 +69,8 @@ def _separator(reading: str) -> str | None:
     for mark in ";\t":
         if mark in reading:
             return mark
-    return "," if "," in reading and _numbers(_fields(reading, None)) is None else None
+    decimal = all("," in field.strip(",") or "," not in field for field in reading.split())
+    return "," if "," in reading and not (decimal and _numbers(_fields(reading, None)) is not None) else None
 
 
 def _fields(line: str, separator: str | None) -> list[str]:

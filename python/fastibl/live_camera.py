@@ -21,6 +21,7 @@ _SETTLING = 15  # pictures in which a camera's automatic exposure settles before
 _LATENCY = 3  # pictures that may still be taken with the previous exposure after a new one was set
 _NETWORK = 5000  # milliseconds within which a camera on the network must answer
 _FAILURES = 3  # pictures in a row that fail before the camera counts as unplugged
+_WARMING, _WARMING_FAILURES, _WARMING_PAUSE = 5.0, 30, 0.03  # the same before its first: at most so many seconds
 _MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # value of CAP_PROP_AUTO_EXPOSURE for manual exposure
 
 
@@ -319,9 +320,9 @@ class LiveCamera:
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # avoids old pictures
-        failed = 0
+        failed, most, begin = 0, _WARMING_FAILURES if settle and not self._file else _FAILURES, time.monotonic()
         film = _Film(capture, self._clock()) if self._file else None
-        while failed < _FAILURES and count != 0 and not self._stop.is_set():
+        while failed < most and count != 0 and not self._stop.is_set():
             grabbed = capture.grab()
             now = self._clock()
             if film is not None and grabbed:
@@ -331,7 +332,9 @@ class LiveCamera:
             read, picture = capture.retrieve() if grabbed else (False, None)
             if not read or picture is None or picture.ndim != 3:
                 failed += 1
+                if most > _FAILURES and (time.monotonic() - begin > _WARMING or self._stop.wait(_WARMING_PAUSE)):
+                    return
                 continue
-            failed = 0
+            failed, most = 0, _FAILURES
             count = None if count is None else count - 1
             yield np.ascontiguousarray(picture[..., ::-1]), now

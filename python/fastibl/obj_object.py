@@ -136,7 +136,7 @@ class _Library:
             if kind == "newmtl":
                 material = self.materials.setdefault(told, dict(own))
             elif kind.lower() in _NAMING or kind.lower().startswith("map_"):
-                material[kind.lower()] = told.split(" ")  # names keep their spaces
+                material[kind.lower()] = [told]  # names keep their spaces
             else:
                 material[kind.lower()] = told.split("#")[0].split()
 
@@ -232,16 +232,15 @@ class _Library:
     ) -> Texture | None:
         if kind not in lines:
             return None
-        words, options = list(lines[kind]), {}
-        while words and words[0] in {*_ARGUMENTS, ""}:
-            option = words.pop(0)
-            given: list[str] = []
-            while words and len(given) < (count := _ARGUMENTS.get(option, 0)):
-                if words[0] and count == 3 and not _is_number(words[0]):
-                    break
-                given += filter(None, [words.pop(0)])
+        rest, options = " ".join(lines[kind]), dict[str, list[str]]()
+        while (word := _first(rest))[0] in _ARGUMENTS:
+            option, rest = word
+            count, given = _ARGUMENTS[option], list[str]()
+            while len(given) < count and (word := _first(rest))[0] and (count < 3 or _is_number(word[0])):
+                given.append(word[0])
+                rest = word[1]
             options[option] = given
-        name = self._found([_here(n.strip().strip('"')) for n in _uncommented(" ".join(words).strip())])
+        name = self._found([_here(n.strip().strip('"')) for n in _uncommented(rest.strip())])
         picture = self._pictures[name]
         if picture is None:
             return None
@@ -251,6 +250,12 @@ class _Library:
         wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
         source = list(self._pictures).index(name)
         return Texture(source, picture, (wrap, wrap), lie, srgb=srgb, channel=channel, factor=factor)
+
+
+def _first(line: str) -> tuple[str, str]:
+    """The first word of a line, and the rest."""
+    word, *rest = line.split(maxsplit=1) or [""]
+    return word, "".join(rest)
 
 
 def _uncommented(name: str) -> list[str]:

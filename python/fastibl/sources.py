@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Rig
 from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
+from .expected import present
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning, warn_of_primaries
 
@@ -397,27 +398,63 @@ class Paced(_Closing):
         *,
         catch_up: float = np.inf,
         clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
+        sleep: Callable[[float], object] | None = None,
     ):
         if not (speed > 0 and np.isfinite(speed)):
             raise ValueError(f"speed must be positive and finite, got {speed}")
         self.rig, self.board, self.source = source.rig, source.board, source
-        self._speed, self._catch_up, self._clock, self._sleep = speed, catch_up, clock, sleep
+        self._closing = threading.Event()
+        self._speed, self._catch_up, self._clock = speed, catch_up, clock
+        self._sleep = self._closing.wait if sleep is None else sleep
+        self._frames: Iterator[Frame] | None = None
+        self._coming: Frame | None = None
+        self._error: Exception | None = None
+        self._begin: tuple[float, float] | None = None  # on the clock, and the frame's time then
 
     def close(self) -> None:
+        self._closing.set()
         close(self.source)
 
+    def wait(self, seconds: float) -> bool:
+        """Waits for the next frame, at most so long; returns whether it may be taken now."""
+        if self._frames is None or self._closing.is_set():
+            return True
+        try:
+            frame = self._peek()
+        except Exception as error:  # noqa: BLE001 - it is raised to whom takes the frame
+            self._error = error
+            return True
+        left = 0.0 if frame is None else self._left(frame)
+        if left > 0:
+            self._sleep(min(left, seconds))
+        return left <= seconds
+
     def __iter__(self) -> Iterator[Frame]:
-        begin = first = None
-        for frame in self.source:
-            if begin is None:
-                begin, first = self._clock(), frame.time
-            wait = (frame.time - first) / self._speed - (self._clock() - begin)
-            if wait > 0:
-                self._sleep(wait)
-            elif wait < -self._catch_up:
-                begin, first = self._clock(), frame.time
+        self._frames, self._coming, self._begin = iter(self.source), None, None
+        while (frame := self._peek()) is not None:
+            left = self._left(frame)
+            if left > 0:
+                self._sleep(left)
+            elif left < -self._catch_up:
+                self._begin = self._clock(), frame.time
+            self._coming = None
             yield frame
+
+    def _peek(self) -> Frame | None:
+        """The next frame, which stays the next one; None at the end."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+        if self._coming is None:
+            self._coming = next(present(self._frames), None)
+        return self._coming
+
+    def _left(self, frame: Frame) -> float:
+        """Seconds until a frame is due."""
+        if self._begin is None:
+            self._begin = self._clock(), frame.time
+        begin, first = self._begin
+        return (frame.time - first) / self._speed - (self._clock() - begin)
 
 
 class BackAndForth(_Closing):

@@ -73,17 +73,20 @@ def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray
     return counts, counts & (true.max(axis=-1) * np.where(up, front, back) < 0.95)
 
 
-def _samples(source: CubeMap | Environment) -> tuple[NDArray, NDArray, NDArray]:
-    """Directions, solid angles and radiances of a map, as many as there are rays: see reference.samples. Texels of
-    smaller maps are split. ValueError where these do not fit."""
-    faces = level_at_most(source, _DIRECTIONS)
+def _samples(source: CubeMap | Environment, most: int = _DIRECTIONS) -> tuple[NDArray, NDArray, NDArray]:
+    """Directions, solid angles and radiances of a map's level of at most `most` texels along an edge: see
+    reference.samples. Texels of maps with fewer of them than there are rays are split. ValueError where these do not
+    fit."""
+    faces = level_at_most(source, most)
     split, rest = divmod(_DIRECTIONS, faces.shape[1])
-    if rest:
-        raise ValueError(
-            f"faces must be {_DIRECTIONS} texels wide, a power of two less, or have a MIP level that is, got "
-            f"{faces.shape[1]}"
-        )
-    return reference.samples(faces.repeat(split, axis=1).repeat(split, axis=2))
+    if faces.shape[1] < _DIRECTIONS:
+        if rest:
+            raise ValueError(
+                f"faces must be {_DIRECTIONS} texels wide, a power of two less, or have a MIP level that is, got "
+                f"{faces.shape[1]}"
+            )
+        faces = faces.repeat(split, axis=1).repeat(split, axis=2)
+    return reference.samples(faces)
 
 
 @dataclass
@@ -190,9 +193,9 @@ class TrueRenderer:
     leaves the bounce out.
 
     extent: half the edge in metres of the plane grid on which shadows are computed; grid: its points along an edge.
-    Maps must have at least 32 texels along a face, and are taken at that level: 6144 directions. Between the grid's
-    points a sharp shadow is less exact than that of a session (studio: ratio off by 0.1 RMS, by 0.05 with grid=192);
-    `fastibl.reference.shadow_ratio` is exact where it is asked.
+    Maps are taken at the level of 32 texels along a face, 6144 directions; texels of smaller maps are split. Between
+    the grid's points a sharp shadow is less exact than that of a session (studio: ratio off by 0.1 RMS, by 0.05 with
+    grid=192); `fastibl.reference.shadow_ratio` is exact where it is asked.
     """
 
     def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64, bounce: bool = True):
@@ -344,7 +347,7 @@ class TrueRenderer:
     def _glossy(self, source: CubeMap | Environment, seen: _Seen, exponent: float) -> NDArray:
         """The average (n, 3) of the map under the lobe (n.h)^s max(n.w, 0), summed over its texels; what the object
         hides is dark."""
-        d, angle, radiance = reference.samples(level_at_most(source, _DIRECTIONS if exponent < 150 else 64))
+        d, angle, radiance = _samples(source, _DIRECTIONS if exponent < 150 else 64)
         d32, light, of = d.astype(np.float32), radiance.astype(np.float32), _coarse(len(d))
         out = np.empty((len(seen.normal), 3))
         for i in range(0, len(out), 256):
@@ -363,7 +366,7 @@ class TrueRenderer:
         once has the lobe's average colour.
         """
         sharp = p.alpha.min() < 0.15
-        d, angle, radiance = reference.samples(level_at_most(source, 64 if sharp else _DIRECTIONS))
+        d, angle, radiance = _samples(source, 64 if sharp else _DIRECTIONS)
         d32, angle32, of = d.astype(np.float32), angle.astype(np.float32), _coarse(len(d))
         flux = radiance.astype(np.float32) * angle32[:, None]
         out = np.empty((len(views), 3))

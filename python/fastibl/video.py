@@ -53,7 +53,7 @@ class VideoWriter:
             self._whole.push(self._keep_cut)
         self._container = self._whole.enter_context(av.open(str(self._part), "w", format="webm", options=_IN_PARTS))
         self._closed = False
-        rate = Fraction(fps).limit_denominator(1001)
+        rate = max(Fraction(fps).limit_denominator(1001), Fraction(1, 1001))  # pictures have times of their own
         self._period, self._count, self._last = 1000 / rate, 0, -1
         self._first: float | None = None
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate)

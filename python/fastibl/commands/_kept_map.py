@@ -29,6 +29,7 @@ class KeptMap:
         if path.suffix.lower() != ".ktx2":
             raise ValueError(f"a map that is kept must end in .ktx2, got {path.name}")
         self.path, self._say = path, say
+        self._readable = True  # what is there is never replaced where it could not be read
         self.prior = self._read()
         self._brightest = 0.0 if self.prior is None else _brightness(self.prior)
         self._newest: FrameResult | None = None
@@ -60,12 +61,13 @@ class KeptMap:
         try:
             return read_environment(self.path)
         except (OSError, ValueError) as error:
-            self._say(f"light is captured without an earlier map: {error}")
+            self._readable = False
+            self._say(f"light is captured without an earlier map, and {self.path} stays as it is: {error}")
             return None
 
     def _write(self, result: FrameResult) -> None:
         environment = result.environment
-        if environment is None or not environment.coverage > 0:
+        if not self._readable or environment is None or not environment.coverage > 0:
             return
         brightness = _brightness(environment.radiance)
         if brightness <= _DARK * self._brightest:

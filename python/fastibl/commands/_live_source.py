@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +14,11 @@ _STOPS = (-14, 2)  # range of the front camera's exposures around the one that i
 _SIMULATED = 4.0  # seconds that the virtual camera moves before it turns back
 _SIMULATED_FPS = 30.0
 _CATCH_UP = 0.1  # seconds
+# Options of cameras where they are not given.
+_USUAL = {
+    "rig": None, "fov": None, "front_fov": 65.0, "exposures": "adaptive", "flicker": 0, "patience": None,
+    "size": (640, 480),
+}  # fmt: skip
 
 
 @dataclass
@@ -58,10 +63,19 @@ def open_source(arguments: argparse.Namespace, log: Callable[[str], None]) -> Op
     return _cameras(arguments, log)
 
 
+def _refuse(arguments: argparse.Namespace, options: Sequence[str], why: str) -> None:
+    """Raises ValueError where an option is given that would do nothing."""
+    for name in options:
+        if getattr(arguments, name) != _USUAL[name]:
+            raise ValueError(f"--{name.replace('_', '-')} {why}")
+
+
 def _simulated(arguments: argparse.Namespace) -> Opened:
     from ..simulator import simulate
     from ..sources import BackAndForth, Paced
 
+    of_cameras = ("rig", "fov", "front_fov", "exposures", "flicker", "patience")
+    _refuse(arguments, of_cameras, "is of cameras, and with --simulate there are none")
     made = simulate(
         arguments.environment,
         seconds=_SIMULATED,
@@ -87,19 +101,11 @@ def _simulated(arguments: argparse.Namespace) -> Opened:
 
 
 def _recorded(arguments: argparse.Namespace) -> Opened:
-    from ..guessed_rig import DEGREES
     from ..recording import Recording
     from ..sources import Paced
 
-    for name, usual in (
-        ("rig", None),
-        ("fov", None),
-        ("front_fov", DEGREES),
-        ("exposures", "adaptive"),
-        ("flicker", 0),
-    ):
-        if getattr(arguments, name) != usual:
-            raise ValueError(f"--{name.replace('_', '-')} is of cameras; a recording has its own")
+    of_cameras = ("rig", "fov", "front_fov", "exposures", "flicker", "size")
+    _refuse(arguments, of_cameras, "is of cameras; a recording has its own")
     recording = Recording.open(arguments.recording)
     if arguments.board is not None:
         recording.board = board_of(arguments.board)
@@ -120,6 +126,8 @@ def _cameras(arguments: argparse.Namespace, log: Callable[[str], None]) -> Opene
     if arguments.front is not None and arguments.environment is not None:
         raise ValueError("with --environment the light is given, and a front camera has nothing to do: leave one away")
     guessed = arguments.rig is None
+    if not guessed:
+        _refuse(arguments, ("fov", "front_fov", "size"), "goes without --rig, which says it")
     rig, options, notices = (
         _found(arguments, back)
         if guessed

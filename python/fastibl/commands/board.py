@@ -24,9 +24,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     which = made.add_mutually_exclusive_group()
     which.add_argument("--grid", metavar="ROWSxCOLUMNS", help="a plain grid instead of the default board, as 3x5")
     which.add_argument("--kalibr", metavar="ROWSxCOLUMNS", help="an AprilGrid as Kalibr's, ids from the lower left")
-    made.add_argument(
-        "--tag-size", type=positive, default=0.04, help="of a grid's tags in metres (default: %(default)s)"
-    )
+    made.add_argument("--tag-size", type=positive, help="of a grid's tags in metres (default: 0.04)")
     made.add_argument("--spacing", type=positive, help="between a grid's tags in metres (default: 0.012)")
     made.add_argument("--spacing-ratio", type=positive, help="of --kalibr, to the tags' size (default: 0.3)")
     made.add_argument("--border-bits", type=int, choices=(1, 2), help="of --grid, modules (default: 1; --kalibr has 2)")
@@ -62,7 +60,9 @@ def _board(arguments: argparse.Namespace) -> Board:
         raise ValueError("--spacing and --border-bits go with --grid")
     if arguments.spacing_ratio is not None and arguments.kalibr is None:
         raise ValueError("--spacing-ratio goes with --kalibr")
-    size = arguments.tag_size
+    size = 0.04 if arguments.tag_size is None else arguments.tag_size
+    if arguments.tag_size is not None and arguments.grid is None and arguments.kalibr is None:
+        raise ValueError("--tag-size goes with --grid and --kalibr")
     if arguments.grid is not None or arguments.kalibr is not None:
         if arguments.paper is not None:
             raise ValueError("--paper goes with the default board")

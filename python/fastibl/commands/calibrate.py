@@ -241,6 +241,8 @@ def run_camera(arguments: argparse.Namespace) -> int:
     if arguments.field_of_view is not None and not arguments.fisheye:
         raise ValueError("--field-of-view goes with --fisheye")
     known = getattr(read_rig(arguments.rig), arguments.camera) if arguments.rig.is_file() else None
+    if arguments.camera == "front" and not arguments.rig.is_file():
+        raise ValueError(f"{arguments.rig} has no back camera yet: calibrate it first")
     pictures, times = _read_shots(arguments, in_a_row=3)  # so that the camera's motion is known
     found = calibrate_camera(
         pictures,

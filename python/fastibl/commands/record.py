@@ -109,6 +109,11 @@ def _copy_films(arguments: argparse.Namespace) -> int:
         raise ValueError("--bracket is of cameras; a film's exposures are what they were")
     if arguments.size is not None:
         raise ValueError("--size is of cameras; a film's pictures are as large as they are")
+    for film in filter(None, (arguments.back, arguments.front)):
+        if Path(film).resolve().is_relative_to(arguments.out.resolve()):
+            raise ValueError(
+                f"{film} lies in {arguments.out}, whose older recording is removed first: choose another folder"
+            )
     back, front = (None if film is None else film_size(film) for film in (arguments.back, arguments.front))
     rig, board = _rig(arguments, back, front), board_of(arguments.board)
     source = VideoSource(rig, arguments.back, arguments.front, board)
@@ -134,6 +139,8 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
 
     silence_ffmpeg()
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
+    if arguments.size is not None and arguments.rig is not None:
+        raise ValueError("--size goes without --rig, which says it")
     size = arguments.size or (640, 480)
     rig = _rig(arguments, size, None if arguments.front is None else size)
     board = board_of(arguments.board)

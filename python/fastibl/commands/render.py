@@ -260,6 +260,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.layers is not None:
         openexr()  # fails before any work is done
         arguments.layers.mkdir(parents=True, exist_ok=True)
+    for path in arguments.pictures:
+        if not path.exists():
+            raise FileNotFoundError(f"no recording or photograph at {path}")
     if all(path.is_file() for path in arguments.pictures):
         return _render_photographs(arguments)
     if len(arguments.pictures) > 1:

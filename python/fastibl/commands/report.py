@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +94,9 @@ def _measured(arguments: argparse.Namespace, old: _Written | None) -> int:
 
     effort = report.QUICK if arguments.quick else report.FULL
     places, mesh, recording = _given(arguments)
+    arguments.out.mkdir(parents=True, exist_ok=True)  # fails before any work is done
+    with tempfile.TemporaryFile(dir=arguments.out):
+        pass
     parts = ["inputs", *(name for name, _ in (*report.STEPS, *report.MORE)), "page"]
     with tqdm(total=len(parts), unit="part", disable=None) as bar:
         bar.set_description(parts[0])

@@ -103,7 +103,8 @@ class LiveLoop:
         self._wanted = ""  # object that was asked for but is not ready yet
         self._recorder: Recorder | None = None
         self._closing: threading.Thread | None = None
-        self._again: Played | None = None  # the last frame, to show changes while no new one comes
+        self._again: Played | None = None  # the last frame with a back picture, to show changes while no new one comes
+        self._time = 0.0  # of the last frame that the session processed
         self._times: deque[float] = deque()
         self._timings: deque[Mapping[str, float]] = deque(maxlen=_TIMINGS)
         self._messages: deque[tuple[int, str]] = deque(maxlen=_MESSAGES)
@@ -201,6 +202,8 @@ class LiveLoop:
             if played.frame.back is not None:  # a front picture alone has nothing to show
                 self._steps = max(0, self._steps - 1)
             self._take(played)
+            if changed and played.frame.back is None and self._again is not None:
+                self._process_again(self._again)  # the back camera may be away
 
     def _show_waiting(self, changed: bool) -> None:
         """Shows that pictures are waited for, and the last one with what was changed since."""
@@ -223,6 +226,7 @@ class LiveLoop:
         changes: dict[str, Any] = {"left_out": "; ".join(f"{k}: {why}" for k, why in played.refused.items())}
         if result is not None:
             self.frames += 1
+            self._time = played.frame.time
             now = time.monotonic()
             self._times.append(now)
             while now - self._times[0] > _WINDOW:
@@ -279,6 +283,7 @@ class LiveLoop:
 
     def _pictures(self, played: Played) -> dict[str, Any]:
         changes: dict[str, Any] = {"newest": played.result, "given": self._options.get("environment") is not None}
+        changes["taken"] = self.latest.get().taken + 1
         if played.frame.front is not None:
             changes["front"] = played.frame.front
         if played.frame.back is not None:
@@ -319,9 +324,10 @@ class LiveLoop:
                 self._show()
 
     def _process_again(self, played: Played) -> None:
-        """Processes the last picture once more, in the light captured by then: a picture counts only once."""
-        frame = replace(played.frame, front=None)
-        captured = None if played.result is None or self._options.get("environment") else played.result.environment
+        """Processes the last picture once more, in the light captured by now: a picture counts only once."""
+        frame = replace(played.frame, front=None, time=self._time)  # front pictures may have come since
+        newest = self.latest.get().newest
+        captured = None if newest is None or self._options.get("environment") else newest.environment
         try:
             if captured is not None:
                 self._session.set_environment(captured)

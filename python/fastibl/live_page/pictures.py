@@ -46,23 +46,24 @@ class Encoded:
 
 
 class _View:
-    """The last encoding of one view. period: seconds for which it stays valid, even if new pictures come."""
+    """The last encoding of one view. number: the snapshot's counter by which it changes. period: seconds for which it
+    stays valid, even if new pictures come."""
 
-    def __init__(self, make: Callable[[Snapshot], bytes | None], period: float = 0.0):
-        self._make, self._period = make, period
+    def __init__(self, make: Callable[[Snapshot], bytes | None], number: str = "picture", period: float = 0.0):
+        self._make, self.number, self._period = make, number, period
         self._lock = threading.Lock()
         self._last: Encoded | None = None
         self._made = -np.inf
 
     def get(self, snapshot: Snapshot) -> Encoded | None:
         with self._lock:
-            last = self._last
-            if last is not None and (last.number == snapshot.picture or time.monotonic() - self._made < self._period):
+            last, number = self._last, getattr(snapshot, self.number)
+            if last is not None and (last.number == number or time.monotonic() - self._made < self._period):
                 return last
             data = self._make(snapshot)
             if data is None:
                 return None
-            self._last, self._made = Encoded(snapshot.picture, data), time.monotonic()
+            self._last, self._made = Encoded(number, data), time.monotonic()
             return self._last
 
 
@@ -127,14 +128,18 @@ class Pictures:
         self._views = {
             "composite": _View(lambda s: None if s.result is None else jpeg(s.result.image)),
             "back": _View(lambda s: None if s.frame is None or s.frame.back is None else jpeg(s.frame.back)),
-            "front": _View(lambda s: None if s.front is None else jpeg(s.front)),
-            "map": _View(self._map, _MAP_PERIOD),
-            "shadow": _View(_shadow, _MAP_PERIOD),
+            "front": _View(lambda s: None if s.front is None else jpeg(s.front), "taken"),
+            "map": _View(self._map, "taken", _MAP_PERIOD),
+            "shadow": _View(_shadow, period=_MAP_PERIOD),
         }
 
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(self._views)
+
+    def number(self, name: str) -> str:
+        """The counter of snapshots by which a view changes."""
+        return self._views[name].number
 
     def get(self, name: str, snapshot: Snapshot) -> Encoded | None:
         """The view's picture; None where there is nothing to see yet. Raises KeyError for an unknown view."""

@@ -331,12 +331,13 @@ class _Handler(BaseHTTPRequestHandler):
         if self.rest not in page.pictures.names or not (after.isdecimal() and len(after) < 19):
             raise _Refusal(HTTPStatus.NOT_FOUND, f"there are pictures of {', '.join(page.pictures.names)}")
         wait = _WAIT if self.asked.get("wait") else 0.0
-        snapshot = page.loop.latest.wait_for_picture(int(after), wait)
+        snapshot = page.loop.latest.wait_for_picture(int(after), wait, page.pictures.number(self.rest))
         encoded = page.pictures.get(self.rest, snapshot)
         if encoded is None or encoded.number == int(after):
             return HTTPStatus.NO_CONTENT, "", b"", {}
         headers = {"X-Picture": str(encoded.number)}
-        overlay = overlay_of(snapshot) if self.asked.get("overlay") else None
+        drawn_by_back = self.rest in ("composite", "back")
+        overlay = overlay_of(snapshot) if self.asked.get("overlay") and drawn_by_back else None
         if overlay is not None:
             headers["X-Overlay"] = json.dumps(overlay)
         return HTTPStatus.OK, "image/jpeg", encoded.data, headers

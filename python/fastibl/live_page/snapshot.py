@@ -22,17 +22,18 @@ class Snapshot:
     """One moment of the loop.
 
     board: the one that is looked for, if any. version: grows with everything that is shown; picture: grows with the
-    composites. state: one of STATES, and why. frame, result: the last ones with a back picture; front: the last front
-    picture. newest: the last result of any frame, with the newest map. given: whether that map was given, not captured.
-    timings: seconds by pass of the last frames. fps: processed pictures a second. messages: (number, text), the last
-    ones. preparing: an object that is being made ready. recording: path, frames written and dropped. settings: the
-    state of the controls. made: time.monotonic() of the last back picture.
+    composites; taken: with the frames of any camera. state: one of STATES, and why. frame, result: the last ones with a
+    back picture; front: the last front picture. newest: the last result of any frame, with the newest map. given:
+    whether that map was given, not captured. timings: seconds by pass of the last frames. fps: processed pictures a
+    second. messages: (number, text), the last ones. preparing: an object that is being made ready. recording: path,
+    frames written and dropped. settings: the state of the controls. made: time.monotonic() of the last back picture.
     """
 
     rig: Rig
     board: Board | None = None
     version: int = 0
     picture: int = 0
+    taken: int = 0
     state: str = "waiting"
     reason: str = ""
     frame: Frame | None = None
@@ -67,10 +68,10 @@ class Latest:
             self._snapshot = replace(self._snapshot, version=self._snapshot.version + 1, **changes)
             self._changed.notify_all()
 
-    def wait_for_picture(self, after: int, timeout: float) -> Snapshot:
-        """A snapshot whose picture is not `after`, or the newest one when the time is up."""
+    def wait_for_picture(self, after: int, timeout: float, number: str = "picture") -> Snapshot:
+        """A snapshot whose counter of this name is not `after`, or the newest one when the time is up."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closed or self._snapshot.picture != after, timeout)
+            self._changed.wait_for(lambda: self._closed or getattr(self._snapshot, number) != after, timeout)
             return self._snapshot
 
     def close(self) -> None:
