@@ -168,6 +168,16 @@ def test_a_film_is_not_removed_before_it_is_copied(tmp_path, capsys):
     assert len(list(Recording.open(tmp_path / "r"))) == len(recording)
 
 
+def test_cameras_of_other_sizes_are_recorded_without_a_rig(tmp_path, capsys):
+    """As large as they come, or scaled down to the width that was asked for."""
+    video, none = film(tmp_path / "camera.avi"), str(tmp_path / "none")  # of 64 x 48 pixels
+    for asked, width in ((["--size", "128x128"], 64), (["--size", "32x32"], 32)):
+        command = ["record", str(tmp_path / "out"), "--back", video, "--front", none, "--seconds", "0.3", *asked]
+        assert main(command) == 0
+        recording = Recording.open(tmp_path / "out")
+        assert recording.rig.back.width == width and recording[0].back.shape == (width * 3 // 4, width, 3)
+
+
 def test_what_a_film_cannot_do_is_said(tmp_path, capsys):
     out, video = tmp_path / "out", film(tmp_path / "camera.avi", 3)
     broken, rig = tmp_path / "broken.avi", tmp_path / "rig.yaml"

@@ -36,7 +36,7 @@ from dataclasses import asdict, dataclass
 from multiprocessing import parent_process
 from operator import index
 from pathlib import Path
-from typing import Any, SupportsIndex
+from typing import IO, Any, SupportsIndex
 
 from ._fastibl import set_threads
 from ._fastibl import threads as threads_now
@@ -169,17 +169,28 @@ def _alone(out: Path) -> Iterator[None]:
     except ImportError:  # Windows
         yield
         return
-    with open(out / _LOCK, "a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RuntimeError(f"another run is working on {out}; only one at a time may") from None
-        except OSError:  # a shared folder without locks
-            pass
-        try:
-            yield
-        finally:
-            (out / _LOCK).unlink(missing_ok=True)
+    while True:
+        with open(out / _LOCK, "a") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise RuntimeError(f"another run is working on {out}; only one at a time may") from None
+            except OSError:  # a shared folder without locks
+                pass
+            if not _is_open(out / _LOCK, file):  # a run that ended has just removed it
+                continue
+            try:
+                yield
+            finally:
+                (out / _LOCK).unlink(missing_ok=True)
+            return
+
+
+def _is_open(path: Path, file: IO[str]) -> bool:
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False
 
 
 def _name_of(item: Any) -> str:

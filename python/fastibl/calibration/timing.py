@@ -57,6 +57,8 @@ class TimingCalibration:
         told = [f"readout {1e3 * self.readout:.2f} +- {1e3 * self.readout_deviation:.2f} ms"]
         if self.clock_offset is not None and self.clock_offset_deviation is not None:
             told.append(f"clock offset {1e3 * self.clock_offset:.2f} +- {1e3 * self.clock_offset_deviation:.2f} ms")
+        if self.gyroscope is not None:
+            told.append(f"the gyroscope's axes within {np.degrees(self.gyroscope.deviation):.2f} degrees")
         return f"{', '.join(told)}, from {self.frames} pictures"
 
 

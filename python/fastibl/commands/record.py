@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -129,10 +131,22 @@ def _copy_films(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _sizes(devices: Sequence[int | str], asked: tuple[int, int]) -> dict[int | str, tuple[int, int]]:
+    """How large the pictures of cameras are that nobody calibrated; `asked` for those that are not there yet."""
+    from ..found_camera import picture_size
+
+    sizes = dict.fromkeys(devices, asked)
+    for device in devices:
+        with contextlib.suppress(OSError):
+            sizes[device] = picture_size(device, asked)
+    return sizes
+
+
 def _record_cameras(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from ..exposure import Bracket
+    from ..found_camera import scaled_opener
     from ..live_camera import silence_ffmpeg
     from ..recorder import Recorder
     from ..sources import CameraSource
@@ -141,8 +155,13 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
     back = 0 if arguments.back is None and arguments.front is None else arguments.back
     if arguments.size is not None and arguments.rig is not None:
         raise ValueError("--size goes without --rig, which says it")
-    size = arguments.size or (640, 480)
-    rig = _rig(arguments, size, None if arguments.front is None else size)
+    opened: dict[str, Any] = {}
+    if arguments.rig is None:
+        sizes = _sizes([d for d in (back, arguments.front) if d is not None], arguments.size or (640, 480))
+        rig = _rig(arguments, sizes.get(back), sizes.get(arguments.front))
+        opened["open_capture"] = scaled_opener(sizes)
+    else:
+        rig = _rig(arguments, None, None)
     board = board_of(arguments.board)
     schedules = {"front": Bracket()} if arguments.bracket else None
     source = CameraSource(
@@ -153,6 +172,7 @@ def _record_cameras(arguments: argparse.Namespace) -> int:
         schedules=schedules,
         patience=arguments.patience,
         log=tell,
+        **opened,
     )
     recorder = None  # made at the first frame: until then an older recording stays
     with source, ExitStack() as stack:

@@ -112,6 +112,9 @@ def _map_of(arguments: argparse.Namespace) -> CubeMap | None:
     from ..map_rotation import rotate_map
 
     if arguments.environment is None:
+        for name in ("turn", "response", "primaries"):
+            if getattr(arguments, name):
+                raise ValueError(f"--{name} is of a map, and goes with --environment")
         return None
     cube = read_environment(arguments.environment, response=arguments.response, primaries=arguments.primaries)
     return rotate_map(cube, math.radians(arguments.turn))

@@ -50,6 +50,9 @@ def add(commands: argparse._SubParsersAction) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if arguments.measured is not None and arguments.against is None:
         raise ValueError("--measured needs --against")
+    for name in ("environment", "mesh", "recording", "quick") if arguments.measured is not None else ():
+        if getattr(arguments, name):
+            raise ValueError(f"--{name} says what to measure, and with --measured nothing is")
     old = None if arguments.against is None else _Written.read(arguments.against)
     if old is not None and arguments.measured is not None:
         new = _Written.read(arguments.measured)
