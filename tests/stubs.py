@@ -14,6 +14,8 @@ STUB = Path(__file__).resolve().parents[1] / "python" / "fastibl" / "_fastibl.py
 # Pointers of C++: pybind11 does not say that they may be None.
 MAY_BE_NONE = r"^ *def (_make_plan\(|_judge_light\(|_set_environment\(|__init__\(self, scene: Scene, rig: Rig).*"
 NONE_TOO = r"\b(environment: Environment|judged: _JudgedLight|prior: CubeMap|samples: _SceneSamples)(?=[,)])"
+REDUCE_EX = "    def __reduce_ex__(self, protocol):\n        ...\n"  # object has it, too
+ALONE = r"(class \w+:\n)" + re.escape(REDUCE_EX) + r"(?=\S)"
 HASH = "__hash__: typing.ClassVar[None]  # type: ignore[assignment]"
 
 
@@ -29,6 +31,7 @@ def generate():
     text = text.replace("import typing\n", "import typing\n\nfrom .lighting import Lighting\n", 1)
     text = re.sub(r"^(__version__: str|with_gl: bool) = .*$", r"\1", text, flags=re.MULTILINE)
     text = re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
+    text = re.sub(ALONE, r"\1    pass\n", text).replace(REDUCE_EX, "")
     # What a type checker asks for: arguments of C++ that may be None, and what `object` says of __eq__ and __hash__.
     text = re.sub(r"(?<!\[None\])(?<!\| None)(?<!typing\.Any) = None\b", " | None = None", text)
     text = re.sub(MAY_BE_NONE, lambda line: re.sub(NONE_TOO, r"\1 | None", line[0]), text, flags=re.MULTILINE)

@@ -227,3 +227,13 @@ def test_files(tmp_path):
     same_error(lambda: fastibl.read_environment(tmp_path / "square.hdr"), ValueError, "8 x 8")
     cv2.imwrite(str(tmp_path / "good.hdr"), np.full((8, 16, 3), (1, 2, 3), np.float32))
     np.testing.assert_allclose(fastibl.read_environment(tmp_path / "good.hdr", size=4).mean(), (3, 2, 1), rtol=0.01)
+
+
+@pytest.mark.parametrize("height", [0, 8193, 2**30, 2**31 - 1])
+def test_pictures_too_large_are_refused(height, tmp_path):
+    cube = fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32))
+    with pytest.raises(ValueError, match="1 to 8192"):
+        fastibl.equirect_from_cubemap(cube, height)
+    if height:
+        with pytest.raises(ValueError, match="1 to 8192"):
+            fastibl.write_environment(tmp_path / "a.hdr", cube, height=height)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fastibl
+from conftest import same_error
 from fastibl import costs
 from fastibl.expected import present
 from fastibl.plain_text import tell
@@ -209,3 +210,9 @@ def test_a_recording_of_which_nothing_is_known():
     assert truth_of(known) is known.truth
     with pytest.raises(LookupError, match="no true environment map"):
         truth_of(fastibl.Recording(RIG)).environment(0.0)
+
+
+def test_trackers_are_of_a_camera():
+    board, camera = fastibl.Board.default(), fastibl.Camera(64, 48, 50, 50, 32, 24)
+    same_error(lambda: fastibl.Tracker(board, fastibl.Rig(camera)), TypeError, "camera must be Camera", "Rig")
+    same_error(lambda: fastibl.Tracker(None, camera), TypeError, "board must be Board")

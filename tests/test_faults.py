@@ -126,6 +126,35 @@ def test_a_covered_camera_did_not_freeze(code):
     assert lit[1] < 0.7 * lit[0] if code == 0 else lit[1] > 1.5 * lit[0]
 
 
+def test_a_source_that_uses_its_memory_again_did_not_freeze():
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
+    session = fastibl.Session(scene, RIG, environment=fastibl.CubeMap(np.ones((6, 8, 8, 3))), cast_shadow=False)
+    pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.5], [0, 0, 0, 1.0]]))
+    buffer = noise(0).copy()
+
+    def frames():
+        for k in (0, 1, 2, 2, 3):
+            buffer[:] = noise(k)
+            yield Frame(k / 10, buffer, back_from_marker=pose)
+
+    class Source:
+        rig, board = RIG, None
+
+        def __iter__(self):
+            return frames()
+
+    assert ["back" in p.refused for p in play(session, Source())] == [False, False, False, True, False]
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_white_balance_jumps_in_pictures_of_any_kind(dtype):
+    white = 65535 if dtype == np.uint16 else 1.0
+    frames = [Frame(k / 10, (white * np.full((48, 64, 3), 0.4)).astype(dtype)) for k in range(40)]
+    changed = list(Faulty(Recording(RIG, frames), seed=1, kinds={"white balance": 1}))
+    ratios = [f.back.mean(axis=(0, 1)) / (0.4 * white) for f in changed]
+    assert all(f.back.dtype == dtype for f in changed) and np.ptp(ratios) > 0.2
+
+
 def test_a_clock_that_was_set_back():
     scene = fastibl.Scene(fastibl.shapes.figurine(0.1), spheres=0, visibility_rays=0)
     session = fastibl.Session(scene, RIG, environment=fastibl.CubeMap(np.ones((6, 8, 8, 3))), cast_shadow=False)

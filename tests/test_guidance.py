@@ -80,6 +80,8 @@ def test_turns_are_the_cameras():
     x, y, z = pose.rotation @ found.direction
     assert np.sign(found.right) == np.sign(x) and np.sign(found.up) == -np.sign(y)
     assert str(found).startswith("turn ")
+    matrix = fastibl.guide(capture.environment(), CAMERA, pose.matrix)
+    assert (matrix.right, matrix.up) == (found.right, found.up)
 
 
 def test_the_picture_stripes_what_is_unseen():

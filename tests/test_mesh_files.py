@@ -336,6 +336,7 @@ def test_ply_of_triangles_and_quads(form, tmp_path):
 
 @pytest.mark.parametrize("form", [b"ascii", b"binary_little_endian"])
 def test_ply_leaves_no_file_open(form, tmp_path):
+    gc.collect()  # what other tests left
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", ResourceWarning)
         read(tmp_path, "a.ply", ply(form, MIXED))

@@ -1,6 +1,7 @@
 """Photographs of a board: the lens, the side up, and an object in them. Truth: the simulator's camera and map."""
 
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -192,3 +193,9 @@ def test_options_of_photographs_are_refused_with_a_recording(tmp_path, capsys):
 def test_without_a_path():
     with pytest.raises(ValueError, match="a photograph is needed"):
         Photographs([], BOARD)
+
+
+@pytest.mark.parametrize("path", ["table.jpg", Path("table.jpg")])
+def test_one_path_alone_is_no_list(path):
+    with pytest.raises(TypeError, match=r"a list of photographs, as \['table.jpg'\]"):
+        Photographs(path, BOARD)

@@ -101,6 +101,19 @@ def test_a_pool_hands_environments_back():
     assert environment.radiance == captured(3).radiance
 
 
+@pytest.mark.parametrize("protocol", [0, 1])
+def test_old_protocols_are_refused(protocol):
+    """pybind11 would end the process."""
+    camera = fastibl.Camera(64, 48, 50, 50, 32, 24)
+    cube = fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32))
+    framed = fastibl.Frame(0.0, back_from_marker=fastibl.Pose(np.eye(4)))
+    own = (fastibl.Pose(np.eye(4)), camera, cube, fastibl.Rig(camera), fastibl.Board.default(), fastibl.Material())
+    for value in (*own, framed, fastibl.Environment(cube), sphere(4)):
+        with pytest.raises(TypeError, match="protocol 2 and later"):
+            pickle.dumps(value, protocol)
+    assert pickle.loads(pickle.dumps(camera, 2)) == camera == copy.copy(camera)
+
+
 def test_what_is_not_pickled_says_what_to_pickle():
     same_error(
         lambda: pickle.dumps(fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32)))), TypeError, "its map"

@@ -32,6 +32,13 @@ def parts(**options):
     return seen
 
 
+def test_a_function_that_returns_nothing_ends_nothing():
+    seen = []
+    fastibl.Scene(MESH, progress=seen.append, **OPTIONS)
+    fastibl.MeshShadow(bumpy(4), resolution=16, progress=seen.append)
+    assert seen.count(1) == 2
+
+
 @pytest.mark.parametrize("options", [OPTIONS, {"visibility_rays": 8}, {"visibility_rays": 0, "spheres": 0}])
 def test_a_scene_tells_the_part_done(options):
     seen = parts(**options)

@@ -44,7 +44,10 @@ def test_own_renderer(tmp_path):
 
 
 def test_relight(tmp_path, white):
-    fastibl.simulate(seconds=0.2, fps=10, size=(320, 240), out=tmp_path / "film")
+    film = fastibl.simulate(seconds=0.2, fps=10, size=(320, 240))
+    with fastibl.recording.RecordingWriter(tmp_path / "film", film.rig, film.board) as writer:
+        for frame in (*film, fastibl.Frame(1.0, front=film[0].front, front_exposure=film[0].front_exposure)):
+            writer.add(frame)  # the last one is of the front camera alone
     run(tmp_path, "relight.py", tmp_path / "film", white, "out.png")
     image = cv2.imread(str(tmp_path / "out.png")).astype(int)
     left, right = image[:, :320], image[:, 320:]

@@ -47,6 +47,18 @@ def test_a_closed_recording_takes_no_more(tmp_path):
     assert (out.written, out.dropped) == (1, 0)
 
 
+def test_a_source_may_use_its_memory_again(tmp_path):
+    buffer, attitude = np.zeros((48, 64, 3), np.uint8), np.eye(3)
+    with Recorder(tmp_path / "r", RIG) as out:
+        for k in range(20):
+            buffer[:] = k
+            attitude[:] = [[np.cos(k), -np.sin(k), 0], [np.sin(k), np.cos(k), 0], [0, 0, 1]]
+            assert out.add(Frame(k / 10, back=buffer, attitude=attitude), wait=True)
+    read = list(Recording.open(tmp_path / "r"))
+    assert [f.back.max() for f in read] == list(range(20))
+    assert np.allclose([f.attitude[0, 0] for f in read], np.cos(range(20)))
+
+
 def test_a_slow_disk_drops_frames_and_keeps_memory(tmp_path, monkeypatch):
     slow = RecordingWriter.add
 

@@ -81,6 +81,14 @@ def test_round_trip_keeps_every_bit(tmp_path, video):
     assert "5 frames" in repr(recording)
 
 
+def test_frames_with_matrices_are_compared():
+    pose = Pose(np.eye(4))
+    a, b = Frame(0.0, back_from_marker=np.eye(4)), Frame(0.0, back_from_marker=pose)
+    assert a == b == Frame(0.0, back_from_marker=np.eye(4)) and a != Frame(0.0)
+    assert Frame(0.0, back_last_row=TURN) != Frame(0.0, back_last_row=pose)
+    assert Frame(0.0, back_last_row=TURN.matrix) == Frame(0.0, back_last_row=TURN)
+
+
 def test_attitudes_are_kept(tmp_path):
     given = frames(4)
     given[1].attitude, given[3].attitude = TURN.rotation, np.eye(3)

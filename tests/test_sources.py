@@ -641,6 +641,16 @@ def test_a_gap_between_frames_holds_nobody_up():
         next(given)
 
 
+def test_a_paced_source_is_iterated_again_and_side_by_side():
+    frames = [fastibl.Frame(t, np.zeros((48, 64, 3), np.uint8)) for t in (0.0, 0.05, 0.1)]
+    source = sources.Paced(fastibl.Recording(RIG, frames))
+    assert [(a.time, b.time) for a, b in zip(source, source, strict=True)] == [(f.time, f.time) for f in frames]
+    with source:
+        assert len(list(source)) == 3
+    begin = time.monotonic()
+    assert len(list(source)) == 3 and time.monotonic() - begin > 0.09
+
+
 def test_pace():
     frames = [fastibl.Frame(5 + k / 10, np.zeros((48, 64, 3), np.uint8)) for k in range(4)]
     now = [0.0]

@@ -160,3 +160,25 @@ def test_what_results_say_of_themselves():
     capture = next(p for p in result.plan.passes if p.name == "capture")
     assert "pose" in " ".join(capture.needs) and capture.writes
     assert fastibl.Material.pbr((1, 1, 1), 0.0, 0.5).normal_scale == 1.0
+
+
+def test_the_reference_knows_mirrors_and_refuses_what_it_cannot_do(marked):
+    n = np.array([0.1, 0.2, 0.97])
+    v = np.array([[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8]])
+    n, v = n / np.linalg.norm(n), v / np.linalg.norm(v, axis=1, keepdims=True)
+    mirror = 2 * (v @ n)[:, None] * n - v
+    directions, _, radiance = reference.samples(marked)
+    np.testing.assert_array_equal(
+        reference.glossy(marked, n, v, np.inf), radiance[np.argmax(mirror @ directions.T, axis=1)]
+    )
+    np.testing.assert_allclose(
+        reference.glossy(marked, n, v, 1e7, split=64), reference.glossy(marked, n, v, np.inf), rtol=0.02
+    )
+    assert reference.irradiance(marked, np.zeros((0, 3))).shape == (0, 3)
+    for wrong in (np.nan, -1.0):
+        with pytest.raises(ValueError, match="exponent must be at least 0"):
+            reference.glossy(marked, n, v, wrong)
+        with pytest.raises(ValueError, match="exponent must be at least 0"):
+            reference.directional_albedo(0.5, wrong)
+    with pytest.raises(ValueError, match=r"spheres \(m, 4\), got \(2, 2\)"):
+        reference.shadow_ratio(marked, np.zeros((2, 2)), [[0, 0]])

@@ -8,6 +8,7 @@
 
 #include "bindings/argument_errors.h"
 #include "bindings/one_at_a_time.h"
+#include "bindings/pickles.h"
 
 PYBIND11_MODULE(_fastibl, module) {
   using namespace fastibl::bindings;
@@ -51,5 +52,6 @@ PYBIND11_MODULE(_fastibl, module) {
 #else
   module.attr("with_gl") = false;
 #endif
+  refuse_old_pickles(module);
   explain_argument_errors(module);
 }

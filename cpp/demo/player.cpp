@@ -81,7 +81,7 @@ bool Player::advance() {
   watch_time(result);
   // A frame with a front picture alone only feeds the map; there is nothing to show.
   if (frame_->back.empty()) {
-    result_.environment = result.environment;
+    if (result.environment) result_.environment = result.environment;  // none yet after a change
     return true;
   }
   shown_ = frame_, changed_ = false;

@@ -19,7 +19,9 @@ def relit(film: fastibl.Recording, light: fastibl.CubeMap | None) -> np.ndarray[
     session = fastibl.Session(fastibl.Scene(mesh, fastibl.Material()), film.rig, film.board, environment=light)
     image = np.zeros((0, 0, 3), np.uint8)
     for frame in film:
-        image = np.asarray(session.process(frame).image)
+        result = session.process(frame)
+        if frame.back is not None:  # a front picture alone only adds to the light
+            image = np.asarray(result.image)
     return image
 
 

@@ -17,6 +17,8 @@ def whole_periods(exposure: float, flicker: float, seconds_at_one: float = 0.01)
     """
     if not (flicker >= 0 and np.isfinite(flicker) and seconds_at_one > 0 and np.isfinite(seconds_at_one)):
         raise ValueError(f"flicker must be 0 Hz or more and times positive, got {flicker} Hz, {seconds_at_one} s")
+    if not (exposure > 0 and np.isfinite(exposure)):
+        raise ValueError(f"exposure must be positive and finite, got {exposure}")
     periods = np.floor(exposure * seconds_at_one * flicker * (1 + 1e-9))
     return float(periods / (flicker * seconds_at_one)) if periods >= 1 else float(exposure)
 

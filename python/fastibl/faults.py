@@ -123,9 +123,11 @@ def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> No
         setattr(frame, tag, None if told is None else told * _TAGS[int(a * len(_TAGS))])
     elif event.kind == "white balance":
         gains = np.exp(1.4 * (event.amount - 0.5))  # from half to twice
-        codes = np.arange(256)[:, None] * gains ** (1 / 2.2)
-        table = np.clip(np.round(codes), 0, 255).astype(np.uint8)
-        picture = np.stack([table[picture[..., c], c] for c in range(3)], axis=-1)
+        if picture.dtype.kind == "f":  # linear
+            picture = (picture * gains).astype(picture.dtype)
+        else:
+            white = np.iinfo(picture.dtype).max
+            picture = np.clip(np.round(picture * gains ** (1 / 2.2)), 0, white).astype(picture.dtype)
     elif event.kind == "zoom":
         picture = _zoomed(picture, 1.05 + 0.45 * b)
     setattr(frame, name, picture)

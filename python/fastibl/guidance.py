@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._fastibl import Camera, CubeMap, Environment, Pose, _next_view
 from .expected import expect
@@ -41,7 +41,7 @@ class Guidance:
 def guide(
     environment: Environment,
     camera: Camera | None = None,
-    camera_from_marker: Pose | None = None,
+    camera_from_marker: Pose | ArrayLike | None = None,
     height: int = 256,
 ) -> Guidance:
     """Says where to look next, with a picture that shows it.
@@ -55,6 +55,8 @@ def guide(
         raise ValueError("guide() needs both a camera and its pose, or neither")
     if height < 16:
         raise ValueError(f"height must be at least 16 pixels, got {height}")
+    if camera_from_marker is not None and not isinstance(camera_from_marker, Pose):
+        camera_from_marker = Pose(np.asarray(camera_from_marker, np.float64))
     looking = camera_from_marker.rotation[2] if camera_from_marker is not None else None
     direction, share = _next_view(environment, looking)
     right = up = None

@@ -34,7 +34,7 @@ def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], N
     what was found for anything else.
     """
     with open(path, encoding="utf-8-sig", errors="replace") as file:
-        lines = [line.strip() for line in file if line.strip() and not line.startswith("#")]
+        lines = [line.strip() for line in file if line.strip() and not line.lstrip().startswith("#")]
     if len(lines) < 3:
         raise ValueError(f"{path} holds {len(lines)} lines; expected readings of a gyroscope")
     separator = _separator(lines[1])

@@ -49,7 +49,8 @@ class _Watch:
                 setattr(used, name, None)
                 setattr(used, f"{name}_exposure", 1.0)
                 refused[name] = why
-            self._last[name] = picture if isinstance(picture, np.ndarray) else None
+            # A copy: sources may use the memory for the next picture.
+            self._last[name] = picture.copy() if isinstance(picture, np.ndarray) else None
         return used, refused
 
     def _wrong(self, name: str, picture: NDArray, exposure: float | None) -> str | None:
@@ -70,7 +71,7 @@ class _Watch:
 
 def _same(a: NDArray, b: NDArray) -> bool:
     """Compares a few rows first: they tell nearly all pictures apart."""
-    return a is b or (np.array_equal(a[::_ROWS], b[::_ROWS]) and np.array_equal(a, b))
+    return np.array_equal(a[::_ROWS], b[::_ROWS]) and np.array_equal(a, b)
 
 
 def _shows_noise(picture: NDArray) -> bool:

@@ -37,6 +37,8 @@ class Photographs:
         degrees: float = DEGREES,
     ):
         expect(rig, (Rig, type(None)), "rig")
+        if isinstance(paths, (str, os.PathLike)):
+            raise TypeError(f"paths must be a list of photographs, as [{str(paths)!r}], got one alone")
         self.paths, self.board, self._upright = tuple(map(Path, paths)), board, rig is None
         if not self.paths:
             raise ValueError("a photograph is needed, got none")

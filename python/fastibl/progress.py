@@ -11,7 +11,7 @@ _PATIENCE = 0.5  # seconds before a bar appears
 
 
 @contextmanager
-def reporting(progress: bool | Callable[[float], bool] | None, what: str) -> Iterator[Callable[[float], bool] | None]:
+def reporting(progress: bool | Callable[[float], object] | None, what: str) -> Iterator[Callable[[float], bool] | None]:
     """What work calls with the part done, and ends where that returns False; None for nothing.
 
     progress: whether to show a bar on stderr if that is a terminal and the work takes long; or the function itself.
@@ -19,7 +19,7 @@ def reporting(progress: bool | Callable[[float], bool] | None, what: str) -> Ite
     shown = progress is True and sys.stderr is not None and sys.stderr.isatty()
     bar = _Bar(what) if shown else None
     try:
-        yield progress if callable(progress) else bar
+        yield (lambda done: progress(done) is not False) if callable(progress) else bar
     finally:
         if bar:
             bar.close()

@@ -6,8 +6,11 @@ import os
 import threading
 import time
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ._fastibl import Rig
 from .free_disk import LEAST_FREE, check_free
@@ -53,6 +56,10 @@ class Recorder:
         that can wait. Raises what ended the recording, if anything did, and ValueError after close().
         """
         size = _bytes(frame)
+        # Sources may use the memory of a picture for the next one.
+        given = {name: getattr(frame, name) for name in (*CAMERAS, "attitude")}
+        copies: dict[str, Any] = {name: a.copy() for name, a in given.items() if isinstance(a, np.ndarray)}
+        frame = replace(frame, **copies)
         with self._changed:
             if wait:
                 self._changed.wait_for(lambda: self.error is not None or self._closing or self._has_room(size))

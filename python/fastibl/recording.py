@@ -31,7 +31,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING, Any, SupportsIndex, TextIO, cast
+from typing import TYPE_CHECKING, Any, SupportsIndex, TextIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,23 +91,20 @@ class Frame:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Frame):
             return NotImplemented
-        same = [
-            np.array_equal(a, b) if a is not None and b is not None else a is b
-            for a, b in ((self.back, other.back), (self.front, other.front))
-        ]
-        return (
-            all(same)
-            and (self.time, self.back_exposure, self.front_exposure)
-            == (other.time, other.back_exposure, other.front_exposure)
-            and self.back_from_marker == other.back_from_marker
-            and self.back_last_row == other.back_last_row
-            and (self.attitude is None) == (other.attitude is None)
-            and (self.attitude is None or np.array_equal(self.attitude, cast("ArrayLike", other.attitude)))
-        )
+        given = ("back", "front", "back_from_marker", "back_last_row", "attitude")
+        same = [_same(getattr(self, name), getattr(other, name)) for name in given]
+        mine, others = ((frame.time, frame.back_exposure, frame.front_exposure) for frame in (self, other))
+        return all(same) and mine == others
 
     def __repr__(self) -> str:
         seen = [n for n in CAMERAS if getattr(self, n) is not None]
         return f"<fastibl.Frame at {self.time:.3f} s: {' and '.join(seen) or 'no picture'}>"
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Of pictures, poses or matrices, or None."""
+    a, b = (x.matrix if isinstance(x, Pose) else x for x in (a, b))
+    return a is b if a is None or b is None else np.array_equal(a, b)
 
 
 class RecordingWarning(UserWarning):

@@ -112,7 +112,7 @@ def irradiance(source: Any, normals: ArrayLike, split: int | None = None) -> NDA
     out = np.empty((len(flat), flux.shape[1]))
     for i in range(0, len(flat), 64):
         out[i : i + 64] = np.maximum(flat[i : i + 64] @ directions.T, 0) @ flux
-    return out.reshape(*n.shape[:-1], -1)
+    return out.reshape(*n.shape[:-1], out.shape[1])
 
 
 def glossy(
@@ -127,10 +127,13 @@ def glossy(
 
     The lobe is (n.h)^s max(n.w, 0). "energy" divides by its integral; "paper" keeps Eq. 3's (s + 8) / (8 pi),
     "exact" has (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)). split: pieces of a texel along each axis; by default enough for
-    the exponent.
+    the exponent. An infinite exponent is a mirror, which shows one texel. Raises ValueError for an exponent below 0 or
+    NaN, another normalization, or other shapes.
     """
-    if exponent < 0:
+    if not exponent >= 0:
         raise ValueError(f"exponent must be at least 0, got {exponent}")
+    if np.isinf(exponent) and normalization != "energy":
+        raise ValueError(f'a mirror is of normalization "energy", got {normalization!r}')
     if normalization not in ("energy", "paper", "exact"):
         raise ValueError(f'normalization must be "energy", "paper" or "exact", got {normalization!r}')
     n, v = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"))
@@ -146,9 +149,12 @@ def glossy(
         half = d + view
         half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-300)
         cosine = np.clip(half @ normal, 0, 1)
+        if np.isinf(exponent):  # the texel that the mirror shows
+            out[i] = l[np.argmax(d @ (2 * (view @ normal) * normal - view))]
+            continue
         weight = np.power(cosine, exponent) * np.maximum(d @ normal, 0) * a
         out[i] = _factor(normalization, exponent, weight) * (weight @ l)
-    return out.reshape(*n.shape[:-1], -1)
+    return out.reshape(*n.shape[:-1], out.shape[1])
 
 
 def _factor(normalization: str, s: float, weight: NDArray) -> float:
@@ -264,7 +270,7 @@ def ggx(
                 fine, fine_angles = _refined(shape, some, angles, split)
                 weight[some] = (_ggx_lobe(fine, view, frame, pair) * fine_angles).sum(axis=1)
         out[i] = weight @ radiance / (max(weight.sum(), 1e-300) if normalization == "energy" else 1)
-    return out.reshape(*n.shape[:-1], -1)
+    return out.reshape(*n.shape[:-1], out.shape[1])
 
 
 def ggx_albedo(cos_view: float, alpha: tuple[float, float], azimuth: float = 0.0, count: int = 1500) -> float:
@@ -295,6 +301,8 @@ def directional_albedo(cos_view: ArrayLike, exponent: float, count: int = 400) -
 
     cos_view: (...). Returns (...) float64.
     """
+    if not (exponent >= 0 and np.isfinite(exponent)):
+        raise ValueError(f"exponent must be at least 0 and finite, got {exponent}")
     cosines = np.asarray(cos_view, np.float64)
     # Midpoints in the half-vector's polar angle (concentrated where the lobe is) and azimuth.
     u = (np.arange(count) + 0.5) / count
@@ -336,7 +344,9 @@ def shadow_ratio(source: Any, occluder: Any, points: ArrayLike) -> NDArray:
     flat = p.reshape(-1, 2)
     out = np.ones((len(flat), 3))
     bvh = Bvh(occluder) if isinstance(occluder, Mesh) else None
-    spheres = np.asarray([] if bvh is not None else occluder, np.float64).reshape(-1, 4)
+    spheres = np.zeros((0, 4)) if bvh is not None else np.asarray(occluder, np.float64)
+    if spheres.ndim != 2 or spheres.shape[1] != 4:
+        raise ValueError(f"occluder must be a Mesh or spheres (m, 4), got {spheres.shape}")
     for i, point in enumerate(flat):
         origin = np.array([point[0], point[1], 0.0])
         if bvh is not None:

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from ._fastibl import Rig
 from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
-from .expected import present
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning, warn_of_primaries
 
@@ -403,21 +402,44 @@ class Paced(_Closing):
         if not (speed > 0 and np.isfinite(speed)):
             raise ValueError(f"speed must be positive and finite, got {speed}")
         self.rig, self.board, self.source = source.rig, source.board, source
-        self._closing = threading.Event()
-        self._speed, self._catch_up, self._clock = speed, catch_up, clock
-        self._sleep = self._closing.wait if sleep is None else sleep
-        self._frames: Iterator[Frame] | None = None
+        self._speed, self._catch_up, self._clock, self._sleep = speed, catch_up, clock, sleep
+        self._now: _PacedFrames | None = None  # that were begun last
+
+    def close(self) -> None:
+        if self._now is not None:
+            self._now.closing.set()
+        close(self.source)
+
+    def wait(self, seconds: float) -> bool:
+        """Waits for the next frame, at most so long; returns whether it may be taken now. Of several iterations, the
+        one that was begun last is meant."""
+        return self._now is None or self._now.wait(seconds)
+
+    def __iter__(self) -> Iterator[Frame]:
+        self._now = _PacedFrames(iter(self.source), self._speed, self._catch_up, self._clock, self._sleep)
+        return self._now
+
+
+class _PacedFrames(Iterator[Frame]):
+    """One iteration of a Paced source."""
+
+    def __init__(
+        self,
+        frames: Iterator[Frame],
+        speed: float,
+        catch_up: float,
+        clock: Callable[[], float],
+        sleep: Callable[[float], object] | None,
+    ):
+        self.closing = threading.Event()
+        self._frames, self._speed, self._catch_up, self._clock = frames, speed, catch_up, clock
+        self._sleep = self.closing.wait if sleep is None else sleep
         self._coming: Frame | None = None
         self._error: Exception | None = None
         self._begin: tuple[float, float] | None = None  # on the clock, and the frame's time then
 
-    def close(self) -> None:
-        self._closing.set()
-        close(self.source)
-
     def wait(self, seconds: float) -> bool:
-        """Waits for the next frame, at most so long; returns whether it may be taken now."""
-        if self._frames is None or self._closing.is_set():
+        if self.closing.is_set():
             return True
         try:
             frame = self._peek()
@@ -429,16 +451,17 @@ class Paced(_Closing):
             self._sleep(min(left, seconds))
         return left <= seconds
 
-    def __iter__(self) -> Iterator[Frame]:
-        self._frames, self._coming, self._begin = iter(self.source), None, None
-        while (frame := self._peek()) is not None:
-            left = self._left(frame)
-            if left > 0:
-                self._sleep(left)
-            elif left < -self._catch_up:
-                self._begin = self._clock(), frame.time
-            self._coming = None
-            yield frame
+    def __next__(self) -> Frame:
+        frame = self._peek()
+        if frame is None:
+            raise StopIteration
+        left = self._left(frame)
+        if left > 0:
+            self._sleep(left)
+        elif left < -self._catch_up:
+            self._begin = self._clock(), frame.time
+        self._coming = None
+        return frame
 
     def _peek(self) -> Frame | None:
         """The next frame, which stays the next one; None at the end."""
@@ -446,7 +469,7 @@ class Paced(_Closing):
         if error is not None:
             raise error
         if self._coming is None:
-            self._coming = next(present(self._frames), None)
+            self._coming = next(self._frames, None)
         return self._coming
 
     def _left(self, frame: Frame) -> float:

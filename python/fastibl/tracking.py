@@ -22,6 +22,7 @@ from ._fastibl import (
     _RotationTracker,
     _track,
 )
+from .expected import expect
 from .lighting import method_name
 
 
@@ -107,6 +108,8 @@ class Tracker:
         smoothing: float = 0.0,
         gravity_in_marker: ArrayLike = (0.0, 0.0, -1.0),
     ):
+        expect(board, Board, "board")
+        expect(camera, Camera, "camera")
         self.board, self.camera, self.refine = board, camera, bool(refine)
         self.method = method_name("tracking", method)
         if camera.model != "perspective":

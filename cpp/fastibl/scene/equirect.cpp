@@ -12,6 +12,8 @@
 namespace fastibl {
 namespace {
 
+constexpr int kMostHeight = 1 << 13;  // 2^27 pixels
+
 // Directions of a grid of `count` columns over the full turn: x = sin, y = cos of the azimuth.
 struct Azimuths {
   std::vector<float> sine, cosine;
@@ -111,7 +113,8 @@ CubeMap cubemap_from_equirect(ImageView<const float> image, int size, EquirectFi
 }
 
 Image<float> equirect_from_cubemap(const CubeMap& cube, int height) {
-  check(height >= 1, "the height of an equirectangular picture must be at least 1, got ", height);
+  check(height >= 1 && height <= kMostHeight,
+        "the height of an equirectangular picture must be 1 to ", kMostHeight, ", got ", height);
   const int width = 2 * height;
   const int n = cube.size();
   check(n > 0, "an empty map has no picture");

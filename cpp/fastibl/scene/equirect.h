@@ -17,7 +17,7 @@ enum class EquirectFilter {
 CubeMap cubemap_from_equirect(ImageView<const float> image, int size,
                               EquirectFilter filter = EquirectFilter::area);
 // Exact by area: small pieces of pixels are transferred with their exact solid angle. The picture
-// has height × 2·height pixels. Throws for height < 1.
+// has height × 2·height pixels. Throws for a height below 1, or above 8192 (2^27 pixels).
 Image<float> equirect_from_cubemap(const CubeMap& cube, int height);
 
 }  // namespace fastibl

@@ -282,8 +282,11 @@ class LiveLoop:
         return (len(self._times) - 1) / span if span > 0 else 0.0
 
     def _pictures(self, played: Played) -> dict[str, Any]:
-        changes: dict[str, Any] = {"newest": played.result, "given": self._options.get("environment") is not None}
+        changes: dict[str, Any] = {"given": self._options.get("environment") is not None}
         changes["taken"] = self.latest.get().taken + 1
+        # A front picture after a change is of no map yet.
+        if self.latest.get().newest is None or (played.result is not None and played.result.environment is not None):
+            changes["newest"] = played.result
         if played.frame.front is not None:
             changes["front"] = played.frame.front
         if played.frame.back is not None:
