@@ -198,7 +198,7 @@ function renderHint(s) {
   leftOut = s.left_out ? leftOut || performance.now() : 0;
   if (s.state === "waiting" && !s.picture) title = "Waiting for the first picture", text = sentence(s.left_out) || (s.messages.at(-1)?.text ?? sentence(s.reason));
   else if (s.state === "waiting" && isLate(s)) title = "Waiting for pictures", text = `${sentence(s.left_out || s.reason)} ${s.messages.at(-1)?.text ?? ""}`;
-  else if (leftOut && performance.now() - leftOut > 3000) title = "Pictures are left out", text = sentence(s.left_out);
+  else if (s.state === "running" && leftOut && performance.now() - leftOut > 3000) title = "Pictures are left out", text = sentence(s.left_out);
   else if (s.state === "ended") title = "The source has ended", text = `${sentence(s.reason)} Start anew begins again.`;
   else if (s.board.turned) title = "The board is out of view", text = "The surroundings tell how the cameras turn, so the light is still captured; turn back to see the object.";
   else if (!s.board.seen && s.picture) {
