@@ -17,8 +17,7 @@ def reduce_ex(self, protocol):
            scope);
   const py::object base = py::module_::import("builtins").attr("object");
   for (const auto& [name, member] : py::dict(module.attr("__dict__")))
-    if (PyType_Check(member.ptr()) && py::hasattr(member, "__init__") &&
-        member.attr("__reduce_ex__").is(base.attr("__reduce_ex__")))
+    if (PyType_Check(member.ptr()) && member.attr("__reduce_ex__").is(base.attr("__reduce_ex__")))
       py::setattr(member, "__reduce_ex__", scope["reduce_ex"]);
 }
 

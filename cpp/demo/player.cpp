@@ -134,8 +134,7 @@ const Image<std::uint8_t>& Player::picture() {
   const Stopwatch drawing;
   Canvas canvas(picture_);
   const std::shared_ptr<const CubeMap> truth = source_->true_light();
-  const View view{source_->rig(), board_,     shown_ ? *shown_ : *frame_, result_, *session_,
-                  timings_,       truth.get()};
+  const View view{source_->rig(), board_, *shown_, result_, *session_, timings_, truth.get()};
   bool any = false;
   for (std::size_t k = 0; k < kOverlays.size(); ++k)
     if (overlays_[k]) kOverlays[k].draw(canvas, view), any = true;

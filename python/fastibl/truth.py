@@ -78,8 +78,8 @@ def _samples(source: CubeMap | Environment, most: int = _DIRECTIONS) -> tuple[ND
     reference.samples. Texels of maps with fewer of them than there are rays are split. ValueError where these do not
     fit."""
     faces = level_at_most(source, most)
-    split, rest = divmod(_DIRECTIONS, faces.shape[1])
     if faces.shape[1] < _DIRECTIONS:
+        split, rest = divmod(_DIRECTIONS, faces.shape[1])
         if rest:
             raise ValueError(
                 f"faces must be {_DIRECTIONS} texels wide, a power of two less, or have a MIP level that is, got "

@@ -26,8 +26,7 @@ def camera_ratio(environment: Environment) -> CameraRatio:
     environment: captured with a board, all around: what is above the horizon by the front camera, and the board's white
     by the back camera (`environment.plane_irradiance`). Give the ratio to a Session as `front_ratio`, or to Capture.add
     as `tint`. It is as exact as the albedo of the paper, see Capture. Raises LookupError where no picture showed enough
-    of the board's white, ValueError for a dark map, and
-    for white that is black in a channel.
+    of the board's white, ValueError for a dark map, and for white that is black in a channel.
     """
     expect(environment, Environment, "environment")
     measured = environment.plane_irradiance

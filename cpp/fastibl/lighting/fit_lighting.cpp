@@ -79,9 +79,13 @@ void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& pre
     lighting.light_distances.push_back(inverse_distance(lighting, light.direction));
 }
 
-void fit_near_radiance(Lighting& lighting) {
+void fit_near_radiance(Lighting& lighting, const std::shared_ptr<const CubeMap>& known) {
   lighting.near_radiance.reset();
   if (lighting.glossy != GlossyMethod::sampled || lighting.near_lights.empty()) return;
+  if (known) {
+    lighting.near_radiance = known;
+    return;
+  }
   NearLights shown = lighting.near_lights;
   shown.lights.resize(std::min(shown.lights.size(), kMostSampledNear));
   lighting.near_radiance =
@@ -127,10 +131,9 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.radiance = std::move(radiance);
   if (options.environment) {
     const NearLights* before = options.follows && previous ? &previous->near_lights : nullptr;
-    lighting.near_lights = before && previous->radiance == lighting.radiance
-                               ? *before
-                               : find_near_lights(*options.environment, before);
-    fit_near_radiance(lighting);
+    const bool same = before && previous->radiance == lighting.radiance;
+    lighting.near_lights = same ? *before : find_near_lights(*options.environment, before);
+    fit_near_radiance(lighting, same ? previous->near_radiance : nullptr);
     lighting.box = options.environment->box;
   }
   if (options.chain && reads_chain(lighting.glossy))

@@ -34,8 +34,9 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
 // Whether a method reads Lighting::chain; fit_chain() adds a chain to a lighting that has none.
 bool reads_chain(GlossyMethod method);
 void fit_chain(Lighting& lighting, const std::shared_ptr<const GlossyChain>& previous = nullptr);
-// Sets Lighting::near_radiance, for lighting whose near lights were set after it was fitted.
-void fit_near_radiance(Lighting& lighting);
+// Sets Lighting::near_radiance, for lighting whose near lights were set after it was fitted. known:
+// that of the same map and lights, or null.
+void fit_near_radiance(Lighting& lighting, const std::shared_ptr<const CubeMap>& known = nullptr);
 // Adds the chain if it is missing, as in lighting fitted while nothing glossy was to be shaded.
 void ensure_chain(Lighting& lighting);
 // The error of the irradiance relative to a sum over its map's level of at most 128² texels; it is

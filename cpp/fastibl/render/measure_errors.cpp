@@ -285,6 +285,7 @@ struct ErrorMeasurement::Work {
   LightingOptions plain;
   Lighting reference;                        // of the finest irradiance
   std::shared_ptr<const GlossyChain> chain;  // of the last method that reads one
+  std::shared_ptr<const CubeMap> near_map;   // what near lights send
   std::vector<PlaneRatios> ratios;           // by shadow
   bool fine = true;                          // false: the last cast drew no fine map
   std::vector<Colours> diffuse, glossy;
@@ -405,7 +406,8 @@ struct ErrorMeasurement::Work {
     options.irradiance = options.chain = false;
     Lighting lighting = fit_lighting(map, options);
     lighting.irradiance = reference.irradiance, lighting.near_lights = near_lights;
-    fit_near_radiance(lighting);
+    fit_near_radiance(lighting, near_map);
+    if (lighting.near_radiance) near_map = lighting.near_radiance;
     if (reads_chain(lighting.glossy)) fit_chain(lighting, chain), chain = lighting.chain;
     glossy.push_back(sample_colours(samples, samples.seen, material, lighting, {0, 0, 0, 1}));
     subtract(glossy.back(), judged->emission);

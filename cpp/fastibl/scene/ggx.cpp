@@ -196,8 +196,7 @@ GgxLight GgxShading::operator()(const SurfaceFrame& frame, glm::vec3 view, glm::
   check(lighting_->radiance != nullptr, "the lighting has no map");
   for (int k = 0; k < 2; ++k) alpha[k] = std::min(std::max(kSmallestAlpha, alpha[k]), 1.0f);
   if (options.method == GgxMethod::sampled)
-    return sampled_ggx({*lighting_, walls_ ? &*walls_ : nullptr, position}, frame, view, alpha,
-                       options.taps);
+    return sampled_ggx({*lighting_, walls_, position}, frame, view, alpha, options.taps);
   const glm::vec3 local(glm::dot(view, frame.tangent), glm::dot(view, frame.bitangent),
                         glm::dot(view, frame.normal));
   const shared::GgxLobe lobe = shared::ggx_lobe(local, alpha);

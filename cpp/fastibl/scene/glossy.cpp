@@ -187,8 +187,8 @@ glm::vec3 GlossyShading::reflected(glm::vec3 n, glm::vec3 v, float cosine,
   if (method_ == GlossyMethod::mip)
     return lighting_->radiance->sample(looked(2 * cosine * n - v, position), level_);
   if (method_ == GlossyMethod::sampled)
-    return mean_radiance(lobe_taps({*lighting_, walls_ ? &*walls_ : nullptr, position}, n, v,
-                                   {exponent_}, lighting_->glossy_settings.taps));
+    return mean_radiance(lobe_taps({*lighting_, walls_, position}, n, v, {exponent_},
+                                   lighting_->glossy_settings.taps));
   const glm::vec3 value = from_chain(n, v, cosine, position);
   if (exponent_ >= 1) return value;
   const glm::vec3 matte = evaluate(lighting_->irradiance, n) / kPi;

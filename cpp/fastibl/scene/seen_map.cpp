@@ -28,10 +28,11 @@ glm::vec3 filtered(const CubeMap& map, glm::vec3 l, float solid_angle, float tex
 
 }  // namespace
 
-SeenMap::SeenMap(const Lighting& lighting, const WallsAround* walls, const glm::vec3* place)
+SeenMap::SeenMap(const Lighting& lighting, const std::optional<WallsAround>& walls,
+                 const glm::vec3* place)
     : map_(lighting.radiance.get()) {
   if (!place) return;
-  walls_ = walls, offset_ = *place - lighting.near_lights.centre;
+  walls_ = walls ? &*walls : nullptr, offset_ = *place - lighting.near_lights.centre;
   if (!lighting.near_radiance) return;
   near_ = lighting.near_radiance.get(), lights_ = lighting.near_lights.lights;
   lights_ = lights_.first(std::min(lights_.size(), kMostSampledNear));

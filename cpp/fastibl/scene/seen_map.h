@@ -1,6 +1,7 @@
 // A map as it is seen from a place beside its centre: near lights and walls are where they are.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "fastibl/scene/cube_map.h"
@@ -14,8 +15,9 @@ class SeenMap {
  public:
   // From the centre.
   SeenMap(const CubeMap& map) : map_(&map) {}
-  // walls: null where none are known. place: marker frame; null: the centre.
-  SeenMap(const Lighting& lighting, const WallsAround* walls, const glm::vec3* place);
+  // place: marker frame; null: the centre.
+  SeenMap(const Lighting& lighting, const std::optional<WallsAround>& walls,
+          const glm::vec3* place);
 
   int size() const { return map_->size(); }
   // Mean over about this solid angle around a unit direction. texel_share: how much of a look-up
