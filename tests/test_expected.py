@@ -8,9 +8,11 @@ import pytest
 import fastibl
 from conftest import same_error
 from fastibl import costs
+from fastibl.calibration import calibrate_board
 from fastibl.expected import present
 from fastibl.plain_text import tell
-from fastibl.recording import truth_of, write_rig
+from fastibl.recording import truth_of, write_board, write_rig
+from fastibl.truth import TrueRenderer
 from fastibl.white import camera_ratio
 
 FACES = np.ones((6, 8, 8, 3), np.float32)
@@ -47,6 +49,16 @@ def session(**options):
         (lambda: fastibl.simulate(rig=CAMERA), "rig must be Rig or None, got Camera"),
         (lambda: fastibl.Frame("now"), "time must be a number, got str: seconds"),
         (lambda: fastibl.simulate(size=640), r"size must be tuple or list, got int: \(width, height\)"),
+        (lambda: write_rig("rig.yaml", CAMERA), r"rig must be Rig, got Camera"),
+        (lambda: write_board("board.yaml", RIG), "board must be Board, got Rig"),
+        (lambda: fastibl.faults.Faulty(CAMERA), "source must be Source, got Camera: .*Recording"),
+        (lambda: fastibl.sources.Paced([]), "source must be Source, got list"),
+        (lambda: fastibl.sources.BackAndForth(None, 0.1), "source must be Source, got None"),
+        (lambda: fastibl.sources.CameraSource(CAMERA), "rig must be Rig, got Camera"),
+        (lambda: fastibl.live.play(session(), "walk.mp4"), "source must be Source, got str"),
+        (lambda: fastibl.live.play(SCENE, []), "session must be Session, got Scene"),
+        (lambda: TrueRenderer(MESH), "scene must be Scene, got Mesh"),
+        (lambda: calibrate_board([FACES], RIG, CAMERA), "board must be Board, got Rig"),
     ],
 )
 def test_what_came_is_named(call, told):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._fastibl import Board, Camera, Pose, Response, Rig
+from .expected import expect, wrong_type
 from .file_limits import check_pixels, text_of
 from .whole_file import write_whole
 
@@ -134,6 +135,7 @@ def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
     """Writes a rig in the form of OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
     import cv2
 
+    expect(rig, Rig, "rig")
     with _writing(Path(path)) as storage:
         for name in CAMERAS:
             camera = getattr(rig, name)
@@ -213,7 +215,12 @@ def _read_camera(node: cv2.FileNode, name: str, path: Path) -> Camera | None:
 
 
 def write_board(path: str | os.PathLike[str], board: Any) -> None:
-    """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2))."""
+    """Writes a board's page size, border_bits and tags (ids, and corners in metres, (4 tags, 2)).
+
+    Another page, such as one that was simulated, is an object of a width and a height in metres; it has no tags.
+    """
+    if not (hasattr(board, "width") and hasattr(board, "height")):
+        raise TypeError(wrong_type(board, (Board,), "board"))
     with _writing(Path(path)) as storage:
         storage.write("width", float(board.width))
         storage.write("height", float(board.height))

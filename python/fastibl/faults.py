@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .calibration_files import CAMERAS
 from .recording import Frame
-from .sources import close
+from .sources import close, expect_source
 
 # By name: how many pictures in a row one event lasts, at least and at most.
 KINDS: dict[str, tuple[int, int]] = {
@@ -48,6 +48,7 @@ class Faulty:
     """
 
     def __init__(self, source: Any, seed: int = 0, kinds: float | Mapping[str, float] = 0.1):
+        expect_source(source)
         if not isinstance(kinds, Mapping):
             kinds = dict.fromkeys(KINDS, kinds / len(KINDS))
         unknown = set(kinds) - set(KINDS)

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ._fastibl import FrameResult
 from .calibration_files import CAMERAS
+from .expected import expect
 from .recording import Frame
 from .session import Session
+from .sources import expect_source
 
 _ROWS = 61  # step between the rows that are compared first
 _NOISY = 0.01  # share of a picture's values, at least, that are neither black nor white where noise is to be seen
@@ -89,6 +91,12 @@ def play(session: Session, source: Any) -> Generator[Played, None, None]:
     picture is still used. A frame that the session refuses is skipped as a whole, also one that is up to a second
     earlier than the last; where the camera's clock was set back by more, times start anew.
     """
+    expect(session, Session, "session")
+    expect_source(source)
+    return _play(session, source)
+
+
+def _play(session: Session, source: Any) -> Generator[Played, None, None]:
     watch, last = _Watch(source.rig), -math.inf
     for frame in source:
         used, refused = watch.usable(frame)

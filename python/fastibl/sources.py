@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Rig
 from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
+from .expected import expect, wrong_type
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning, warn_of_primaries
 
@@ -40,6 +41,12 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Ends what runs in the background."""
+
+
+def expect_source(value: Any) -> None:
+    """Raises TypeError unless `value` gives frames and has the rig they come from, as sources and recordings do."""
+    if not (hasattr(value, "__iter__") and isinstance(getattr(value, "rig", None), Rig)):
+        raise TypeError(wrong_type(value, (Source,), "source", "fastibl.Recording(path) is one of a folder"))
 
 
 class _Closing:
@@ -86,6 +93,7 @@ class CameraSource(_Closing):
         schedules: Mapping[str, Callable[[float], float]] | None = None,
         **options: Any,
     ):
+        expect(rig, Rig, "rig")
         devices = {"back": back, "front": front}
         if back is None and front is None:
             raise ValueError("a camera is needed: back, front or both")
@@ -401,6 +409,7 @@ class Paced(_Closing):
     ):
         if not (speed > 0 and np.isfinite(speed)):
             raise ValueError(f"speed must be positive and finite, got {speed}")
+        expect_source(source)
         self.rig, self.board, self.source = source.rig, source.board, source
         self._speed, self._catch_up, self._clock, self._sleep = speed, catch_up, clock, sleep
         self._now: _PacedFrames | None = None  # that were begun last
@@ -490,6 +499,7 @@ class BackAndForth(_Closing):
     def __init__(self, source: Any, period: float):
         if not (period > 0 and np.isfinite(period)):
             raise ValueError(f"period must be positive and finite, got {period}")
+        expect_source(source)
         self.rig, self.board, self._period = source.rig, source.board, period
         self._coming = iter(source)
         self._kept: list[Frame] = []

@@ -25,7 +25,7 @@ from ._fastibl import (
     texel_directions,
 )
 from .comparison import level_at_most
-from .expected import present
+from .expected import expect, present
 from .recording import Recording, truth_of
 
 _DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
@@ -199,6 +199,7 @@ class TrueRenderer:
     """
 
     def __init__(self, scene: Scene, extent: float = 0.3, grid: int = 64, bounce: bool = True):
+        expect(scene, Scene, "scene")
         self.scene, self.bounce = scene, bounce
         self.bvh = Bvh(scene.mesh)
         self.extent, self.grid = extent, grid

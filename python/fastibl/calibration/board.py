@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera
+from ..expected import expect
 from .bundle import FLATTEN, most_bend, smooth_bend
 from .corners import Seen, find_corners, size_of, what_is_seen
 
@@ -76,6 +77,8 @@ def calibrate_board(
     Raises ValueError for fewer than five pictures of the whole board, unknown ids, another distance, or a board known
     worse than within 0.1 % of its size.
     """
+    expect(board, Board, "board")
+    expect(camera, Camera, "camera")
     size = size_of(pictures)
     if size != (camera.width, camera.height):
         raise ValueError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields
@@ -100,8 +101,9 @@ def _digits(value: float) -> float:
     return float(f"{float(value):.4g}")
 
 
-def write_rows(path: Path, rows: Sequence[Row], head: Mapping[str, Any]) -> Path:
-    """Writes a file of rows: `head`, the yardstick, and one row per line, sorted."""
+def write_rows(path: str | os.PathLike[str], rows: Sequence[Row], head: Mapping[str, Any]) -> Path:
+    """Writes a file of rows: `head`, the yardstick, and one row per line, sorted. Returns its path."""
+    path = Path(path)
     ordered = sorted(rows, key=lambda r: (r.step, r.case, r.metric, r.method, r.setting, r.threads, r.backend))
     first = {**head, "yardstick_seconds": _digits(yardstick_seconds())}
     lines = ",\n".join("  " + json.dumps(_columns(r), ensure_ascii=False) for r in ordered)
@@ -116,14 +118,15 @@ def _columns(r: Row) -> dict[str, Any]:
     return {key: value for key, value in asdict(r).items() if key != "step" or value}
 
 
-def read_head(path: Path) -> dict[str, Any]:
+def read_head(path: str | os.PathLike[str]) -> dict[str, Any]:
     """What a file of rows holds besides them; the file is one that read_rows() reads."""
-    return {name: value for name, value in json.loads(path.read_text(encoding="utf-8")).items() if name != "rows"}
+    return {name: value for name, value in json.loads(Path(path).read_text(encoding="utf-8")).items() if name != "rows"}
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: str | os.PathLike[str]) -> list[Row]:
     """The rows of a file. Raises ValueError for a file of another schema or without rows, FileNotFoundError for no
     file."""
+    path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"the measurements {path} are missing")
     needed = {f.name for f in fields(Row) if f.default is MISSING}

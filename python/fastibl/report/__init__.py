@@ -6,6 +6,7 @@ write_report(report, Path("report"))
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -129,13 +130,14 @@ def make_report(
     return Report(head, sections, seconds)
 
 
-def write_report(report: Report, out: Path, against: Comparison | None = None) -> Path:
+def write_report(report: Report, out: str | os.PathLike[str], against: Comparison | None = None) -> Path:
     """Writes report.html, report.json and plots/ to `out`; returns the page's path. against: a comparison that the page
     shows, too."""
     from .page import write_page
 
     if against is not None:
         report.sections.insert(1, comparison_section(against))
+    out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     write_rows(out / "report.json", report.rows, report.head)
     return write_page(report, out)
