@@ -117,6 +117,7 @@ def test_no_call_is_answered_with_signatures(monkeypatch):
         (lambda: fastibl.Environment(CUBE, box=[[1, 2, 3]]), r"box must be \(2 \(3 numbers\)\).*got \[\[1, 2, 3\]\]"),
         (lambda: fastibl.Pose().angle_to(30), "other must be Pose, got int"),
         (lambda: CUBE.sample(), "sample needs directions: directions, level"),
+        (lambda: fastibl.due_passes(fastibl.make_plan(SCENE), {"pose"}, {1}), "stale must be Set of str, got {1}"),
         (lambda: fastibl.set_threads(np.zeros(3)), "count must be a whole number.*got array"),
         (
             lambda: fastibl.DirectionShadow(16).cast(None, np.zeros((1, 4))),

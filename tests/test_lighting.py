@@ -1,5 +1,8 @@
 """Lighting methods against brute force, white furnace, extremes, bad input."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -225,6 +228,10 @@ def test_settings(marked):
     assert len({str(m) for m in fastibl.methods("diffuse")}) == len(fastibl.methods("diffuse"))
     assert {fastibl.Method("sh9"): 1}[fastibl.Method("sh9", error=0.1)] == 1
     assert eval(repr(fine.methods["diffuse"]), {"Method": fastibl.Method}) == fine.methods["diffuse"]
+    with pytest.raises(TypeError, match="does not support item assignment"):  # it may be a key somewhere
+        fine.methods["diffuse"].settings["size"] = 8
+    for copied in (pickle.loads(pickle.dumps(fine.methods["diffuse"])), copy.deepcopy(fine.methods["diffuse"])):
+        assert copied == fine.methods["diffuse"] and copied.error == fine.methods["diffuse"].error
     scene = fastibl.Scene(fastibl.shapes.figurine(0.2))
     plan = fastibl.make_plan(scene, marked, methods={"diffuse": fine.methods["diffuse"]})
     assert "irradiance-cube [size=64, source=32]" in str(plan)

@@ -95,6 +95,13 @@ def captured(seed):
     return [session.process(frame) for frame in recording][-1].environment
 
 
+def test_a_response():
+    for response in (fastibl.Response.srgb(), fastibl.Response.gamma(2.2), fastibl.Response.srgb().between(0.1, 0.9)):
+        assert pickled(response) == response
+    blank = fastibl.Response.__new__(fastibl.Response)
+    same_error(lambda: blank.__setstate__(([0.0, 0.6, 0.4, 1.0],)), ValueError, "increase strictly")
+
+
 def test_a_pool_hands_environments_back():
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         (environment,) = pool.map(captured, [3])

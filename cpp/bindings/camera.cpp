@@ -88,9 +88,11 @@ void bind_response(py::module_& module) {
                         ? std::string("Response.srgb()")
                         : "<fastibl.Response of " + std::to_string(r.curve.size()) + " points>";
            })
-      .def(
-          py::pickle([](const Response& r) { return py::make_tuple(r.curve); },
-                     [](const py::tuple& t) { return Response{t[0].cast<std::vector<float>>()}; }));
+      .def(py::pickle([](const Response& r) { return py::make_tuple(r.curve); },
+                      [](const py::tuple& t) {
+                        check(t.size() == 1, "the pickled state is no Response's");
+                        return Response::from_curve(t[0].cast<std::vector<float>>());
+                      }));
 }
 
 // Coefficients as OpenCV returns them: a row, a column, or plain numbers.

@@ -59,7 +59,12 @@ Products products_of(const std::set<std::string>& names) {
   for (const std::string& text : names) {
     const auto found = std::find_if(std::begin(kProducts), std::end(kProducts),
                                     [&](const auto& p) { return text == p.first; });
-    if (found == std::end(kProducts)) throw py::value_error("no product \"" + text + "\"");
+    if (found == std::end(kProducts)) {
+      std::string all;
+      for (const auto& [name, bit] : kProducts)
+        all += (all.empty() ? "" : ", ") + std::string(name);
+      throw py::value_error("no product \"" + text + "\"; there are " + all);
+    }
     products |= found->second;
   }
   return products;

@@ -56,6 +56,10 @@ class _Parameter(NamedTuple):
         except TypeError:  # an array
             return False
 
+    def holds_odd_text(self, value: Any) -> bool:
+        """Whether texts are expected and something else is among them."""
+        return self.annotation.endswith("[str]") and not all(isinstance(v, str) for v in value)
+
     def expected(self) -> str:
         """Says what is expected; for a sequence, also what it should hold."""
         text = self.annotation.replace("typing.SupportsFloat | typing.SupportsIndex", "numbers")
@@ -154,6 +158,8 @@ def explain(message: str, args: tuple, kwargs: Mapping[str, Any]) -> str:
     if maybe:
         return maybe
     holders = [p for p in every if "[" in p.annotation and p.name in given]
-    if len(holders) == 1:
+    if len(holders) > 1:
+        holders = [p for p in holders if p.holds_odd_text(given[p.name])][:1]
+    if holders:
         return f"{holders[0].said()} must be {holders[0].expected()}, got {repr(given[holders[0].name])}"
     return message

@@ -12,7 +12,7 @@ from .expected import expect
 from .panorama import panorama_rays
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Guidance:
     """Where to look next.
 

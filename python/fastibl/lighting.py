@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from ._fastibl import (
@@ -40,13 +41,17 @@ class Method:
     def __init__(self, name: str, /, error: float | None = None, **settings: float):
         _check_known(name, settings)
         object.__setattr__(self, "name", name)
-        object.__setattr__(self, "settings", {key: _whole(key, value) for key, value in settings.items()})
+        whole = {key: _whole(key, value) for key, value in settings.items()}
+        object.__setattr__(self, "settings", MappingProxyType(whole))
         object.__setattr__(self, "error", error)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Method):
             return NotImplemented
         return (self.name, self.settings) == (other.name, other.settings)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _method, (self.name, self.error, dict(self.settings))  # the mapping itself cannot be pickled
 
     def __hash__(self) -> int:
         return hash((self.name, frozenset(self.settings.items())))
@@ -60,6 +65,10 @@ class Method:
         settings = "".join(f", {key}={value}" for key, value in self.settings.items())
         error = "" if self.error is None else f", error={self.error:.4g}"
         return f"Method({self.name!r}{settings}{error})"
+
+
+def _method(name: str, error: float | None, settings: Mapping[str, int]) -> Method:
+    return Method(name, error, **settings)
 
 
 def _whole(key: str, value: float) -> int:

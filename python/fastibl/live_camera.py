@@ -25,7 +25,7 @@ _WARMING, _WARMING_FAILURES, _WARMING_PAUSE = 5.0, 30, 0.03  # the same before i
 _MANUAL = {"V4L2": 1.0, "DSHOW": 0.25, "MSMF": 0.25}  # value of CAP_PROP_AUTO_EXPOSURE for manual exposure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shot:
     """A picture of one camera. time: seconds when it was grabbed. image: (h, w, 3) uint8 RGB. exposure: multiplier of
     radiance, None where the camera does not tell it. number: counts all pictures of the camera. setting: number of

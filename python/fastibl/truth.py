@@ -33,7 +33,7 @@ _SPLIT = 4  # rays per pixel and axis, for coverage; light is computed once a qu
 _ALIKE = 0.9995  # cosine between a pixel's normals above which one place stands for all four quarters
 
 
-@dataclass
+@dataclass(eq=False)
 class TruePicture:
     """image: (h, w, 3) uint8. linear: (h, w, 3) radiance times exposure before encoding. coverage: (h, w) of the
     object. ratio: (h, w, 3) true shadow ratio where there is no object, and gain: (h, w, 3) the same with the light
@@ -106,7 +106,7 @@ class _Seen:
     colour: NDArray | float
 
 
-@dataclass
+@dataclass(eq=False)
 class PbrSurface:
     """A pbr material at n points: base_color, emission (n, 3), metallic (n,), alpha (n, 2), and frame (n, 3, 3), whose
     rows are tangent, bitangent and normal."""

@@ -11,7 +11,7 @@ from ._fastibl import Environment, texel_directions, texel_solid_angles
 from .expected import expect
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraRatio:
     """ratio: (3,) the front camera's value for a radiance divided by the back camera's, per channel. unseen: share of
     the light on the board that comes from where no camera looked."""

@@ -19,7 +19,7 @@ _MOST_SCALE = 1.1  # largest scale of a print against its stated size; "fit to p
 _MOST_DEVIATION = 0.001  # largest deviation of a corner's place, as a share of the board's size
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BoardCalibration:
     """A board, and how well it is known.
 

@@ -31,7 +31,7 @@ _CLIPPED = 0.005  # share of the brightest picture's values that must clip, for 
 _DARK = 64  # highest mean code of a picture that counts as taken with the lens covered
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResponseCalibration:
     """A camera's response, and how well it is known.
 

@@ -30,7 +30,7 @@ _LEAST_AGREEMENT = 0.7  # least correlation of the two speeds
 _RIVAL = 1.5  # another offset is as good if its mean square is less than this many times the least
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TimingCalibration:
     """Times of a camera, in seconds, each with its standard deviation.
 
