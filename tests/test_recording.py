@@ -1,8 +1,10 @@
 """Recordings keep what was written to the bit, and say what is missing."""
 
+import resource
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -548,6 +550,79 @@ def test_broken_truth(tmp_path):
     (path / "truth" / "poses.csv").write_text("time,m\n0,1,2\n")
     with pytest.raises(ValueError, match="truth"):
         Recording.open(path)
+
+
+def test_truth_in_any_order(tmp_path):
+    truth = Truth([(0.0, CubeMap(RNG.random((6, 4, 4, 3))))], [(0.0, TURN), (5.0, TURN @ TURN)], lamp_time=0.3)
+    path = write(tmp_path / "r", frames(1), truth=truth)
+    listed = (path / "truth" / "poses.csv").read_text().splitlines()
+    (path / "truth" / "poses.csv").write_text("\n".join((listed[0], listed[2], "", listed[1])))
+    read = Recording.open(path).truth
+    np.testing.assert_array_equal(read.pose(5.0).matrix, (TURN @ TURN).matrix)
+    np.testing.assert_array_equal(read.pose(0.0).matrix, TURN.matrix)
+    for events in (
+        '{"lamp": "x"}',
+        '{"position": [1]}',
+        '{"position": [0, 0, "nan"]}',
+        '{"clock_offset": "nan"}',
+        '{"hand": [1]}',
+    ):
+        (path / "truth" / "events.json").write_text(events)
+        with pytest.raises(ValueError, match="truth cannot be read"):
+            Recording.open(path)
+
+
+def test_a_video_that_did_not_fit_is_told(tmp_path):
+    """As on a full disk: OpenCV says nothing."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = RecordingWriter(tmp_path / "r", Rig(cameras()[0]), video=True)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
+    try:
+        for frame in frames(60):
+            writer.add(Frame(frame.time, frame.back))
+        with pytest.raises(OSError, match=r"back\.mkv holds \d+ of 60 pictures"):
+            writer.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    writer.close()  # was told
+
+
+def test_threads_that_iterate_one_video(tmp_path):
+    """FFmpeg ends the process where two threads read at once."""
+    given = frames(40)
+    recording = Recording.open(write(tmp_path / "r", given, video=True))
+    with ThreadPoolExecutor(3) as threads:
+        for read in threads.map(list, [recording] * 3):
+            assert len(read) == 40 and all(np.array_equal(a.back, b.back) for a, b in zip(read, given, strict=True))
+
+
+def test_frames_without_a_back_picture(tmp_path):
+    given = frames(3)
+    given[1].back = None
+    for recording in (Recording(Rig(*cameras(), TURN), given), Recording.open(write(tmp_path / "r", given))):
+        assert recording.pictured("back") == [0, 2] and recording.pictured("front") == [0, 1, 2]
+        assert recording.back_times == [given[0].time, given[2].time]
+
+
+def test_a_response_that_files_do_not_hold_is_refused_before_anything_is_written(tmp_path):
+    camera = cameras()[0].replace(response=Response.from_curve(np.linspace(0, 1, 65536) ** 2))
+    with pytest.raises(ValueError, match="65536 values.*up to 16384"):
+        RecordingWriter(tmp_path / "r", Rig(camera))
+    assert not (tmp_path / "r").exists()
+    camera = cameras()[0].replace(response=Response.from_curve(np.linspace(0, 1, 16384) ** 2))
+    write_rig(tmp_path / "rig.yaml", Rig(camera))
+    assert read_rig(tmp_path / "rig.yaml") == Rig(camera)
+
+
+def test_ids_are_whole(tmp_path):
+    write_board(tmp_path / "board.yaml", Board.default())
+    text = (tmp_path / "board.yaml").read_text()
+    ids = text.index("ids:")
+    (tmp_path / "board.yaml").write_text(
+        text[:ids] + text[ids:].replace("dt: i", "dt: d", 1).replace("[ 0,", "[ 0.5,", 1)
+    )
+    with pytest.raises(ValueError, match="ids must be whole numbers"):
+        read_board(tmp_path / "board.yaml")
 
 
 def test_command(tmp_path, capsys):

@@ -101,7 +101,9 @@ def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
         raise ValueError(f"{path}: {name} must be a matrix")
     rows, columns = _whole(item, "rows", path), _whole(item, "cols", path)
     data = item.getNode("data")
-    if not data.isSeq() or not 0 < rows * columns <= _MOST_VALUES or data.size() != rows * columns:
+    if not 0 < rows * columns <= _MOST_VALUES:
+        raise ValueError(f"{path}: {name} must be of 1 to {_MOST_VALUES} values, got {rows} x {columns}")
+    if not data.isSeq() or data.size() != rows * columns:
         raise ValueError(f"{path}: {name} must be a matrix of {rows} x {columns} values")
     values = [data.at(i) for i in range(rows * columns)]  # OpenCV walks to each value from the first one
     if not all(v.isInt() or v.isReal() for v in values):
@@ -132,10 +134,18 @@ def _reading(path: Path) -> Iterator[cv2.FileStorage]:
 
 
 def write_rig(path: str | os.PathLike[str], rig: Rig) -> None:
-    """Writes a rig in the form of OpenCV's FileStorage; camera matrices are in OpenCV's convention."""
+    """Writes a rig in the form of OpenCV's FileStorage; camera matrices are in OpenCV's convention. Raises ValueError
+    for a response of more than 16384 values, which read_rig would refuse."""
     import cv2
 
     expect(rig, Rig, "rig")
+    for name in CAMERAS:
+        camera = getattr(rig, name)
+        if camera is not None and camera.response.curve.size > _MOST_VALUES:
+            raise ValueError(
+                f"the {name} camera's response has {camera.response.curve.size} values, and files hold up to "
+                f"{_MOST_VALUES}: give Response.from_curve fewer"
+            )
     with _writing(Path(path)) as storage:
         for name in CAMERAS:
             camera = getattr(rig, name)
@@ -241,7 +251,7 @@ def read_board(path: str | os.PathLike[str]) -> Any:
             return None
         if corners is None or corners.size != 8 * ids.size:
             raise ValueError(f"{path}: expected four corners (x, y) for each of {ids.size} tags")
-        if not (np.abs(ids) < 1 << 31).all():
+        if not ((np.abs(ids) < 1 << 31) & (ids == np.rint(ids))).all():
             raise ValueError(f"{path}: ids must be whole numbers")
         tags = [(int(i), np.asarray(c)) for i, c in zip(ids.ravel(), corners.reshape(-1, 4, 2), strict=True)]
         border = _whole(root, "border_bits", path)

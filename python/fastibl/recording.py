@@ -25,6 +25,7 @@ import json
 import os
 import re
 import tempfile
+import threading
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -45,6 +46,7 @@ from .calibration_files import write_rig as write_rig
 from .camera_files import decode_pixels, open_film
 from .expected import expect
 from .file_limits import check_file_size, check_pixels, file_bytes, text_of
+from .free_disk import check_free
 from .picture_headers import jpeg_size, png_size
 from .primaries import of_picture
 from .whole_file import write_whole
@@ -215,10 +217,12 @@ class Recording:
         return [times[k] for k in self.pictured("back")]
 
     def pictured(self, camera: str) -> list[int]:
-        """Numbers of the frames that have a picture of a camera, "back" or "front"; of all frames where none is
-        stored."""
+        """Numbers of the frames that have a picture of a camera, "back" or "front"; of all frames where pictures are
+        made when they are asked for."""
         if isinstance(self._frames, _StoredFrames):
             return [k for k, (_, pictures) in enumerate(self._frames.moments) if camera in pictures]
+        if isinstance(self._frames, (list, tuple)):
+            return [k for k, frame in enumerate(self._frames) if getattr(frame, camera) is not None]
         return list(range(len(self)))
 
     def __repr__(self) -> str:
@@ -263,7 +267,7 @@ class RecordingWriter:
     path: a folder that does not exist or is empty; an older recording there is replaced, once all that is known
     beforehand is in order. video: whether to write lossless FFV1 videos instead of one PNG per picture. FileExistsError
     for a folder that holds anything else, including pictures of other names; ValueError for videos of an odd width or
-    height; TypeError for what is not a Rig.
+    height; TypeError for what is not a Rig. close() raises OSError where a video does not hold all that was written.
     """
 
     def __init__(self, path: str | os.PathLike[str], rig: Rig, board: Any = None, video: bool = False):
@@ -400,6 +404,7 @@ class RecordingWriter:
             if not writer.isOpened():
                 raise OSError(f"this OpenCV cannot write FFV1 video to {file}; write pictures instead")
             self._videos[camera] = writer
+        check_free(self.path, 2 * picture.nbytes)
         self._videos[camera].write(picture)
         return f"{file.name}#{number}"
 
@@ -432,6 +437,19 @@ class RecordingWriter:
         self._file.close()
         if self._attitudes is not None:
             self._attitudes.close()
+        while self._videos:
+            camera, _ = self._videos.popitem()
+            self._check_whole(self.path / f"{camera}.mkv", self._counts[camera])
+
+    def _check_whole(self, video: Path, count: int) -> None:
+        """Raises OSError where a video holds fewer pictures than were written to it: OpenCV does not tell."""
+        import cv2
+
+        packets, held = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1]), 0  # not decoded
+        while packets.grab():
+            held += 1
+        if held < count:
+            raise OSError(f"{video} holds {held} of {count} pictures: is the disk full?")
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -471,6 +489,7 @@ class _StoredFrames(Sequence[Frame]):
         each = {time: iter(of_time) for time, of_time in attitudes.items()}  # frames of one time: one after the other
         self.attitudes = [next(each.get(time, iter(())), None) for time, _ in self.moments]
         self._videos: dict[str, tuple[cv2.VideoCapture, int]] = {}
+        self._reading = threading.Lock()  # FFmpeg ends the process where two threads read one video
         self._looked_at = set[str]()  # cameras whose primaries were looked at
 
     def __len__(self) -> int:
@@ -502,7 +521,11 @@ class _StoredFrames(Sequence[Frame]):
 
     def _read(self, file: str) -> NDArray[Any]:
         name, mark, number = file.rpartition("#")
-        picture = self._read_video(name, int(number)) if mark else self._read_picture(file)
+        if mark:
+            with self._reading:
+                picture = self._read_video(name, int(number))
+        else:
+            picture = self._read_picture(file)
         return np.ascontiguousarray(picture[..., ::-1])
 
     def _read_picture(self, file: str) -> NDArray[Any]:
@@ -689,13 +712,21 @@ def truth_of(recording: Recording) -> Truth:
     return recording.truth or Truth()
 
 
+def _finite(value: Any, what: str) -> float:
+    number = float(value)
+    if not np.isfinite(number):
+        raise ValueError(f"{what} must be a finite number, got {value}")
+    return number
+
+
 def _read_truth(folder: Path) -> Truth:
     truth = Truth()
 
     def rows(name: str) -> list[list[str]]:
         if not (folder / name).is_file():
             return []
-        return list(csv.reader(io.StringIO(text_of(_inside(folder, name), _MOST_TEXT), newline="")))[1:]
+        read = csv.reader(io.StringIO(text_of(_inside(folder, name), _MOST_TEXT), newline=""))
+        return [row for row in read if row][1:]  # blank lines are none
 
     try:
         maps = []
@@ -703,18 +734,27 @@ def _read_truth(folder: Path) -> Truth:
             _check_name(name, "maps.csv")
             if not (folder / name).is_file():
                 raise FileNotFoundError(f"the true map {folder / name} is missing")
-            maps.append((float(time), CubeMap(_load(_inside(folder, name)))))
-        truth.maps = maps
-        truth.poses = [
-            (float(row[0]), Pose(np.vstack([np.array(row[1:], np.float64).reshape(3, 4), [0, 0, 0, 1]])))
+            maps.append((_finite(time, "the time of a map"), CubeMap(_load(_inside(folder, name)))))
+        truth.maps = sorted(maps, key=lambda m: m[0])
+        poses = [
+            (
+                _finite(row[0], "the time of a pose"),
+                Pose(np.vstack([np.array(row[1:], np.float64).reshape(3, 4), [0, 0, 0, 1]])),
+            )
             for row in rows("poses.csv")
         ]
+        truth.poses = sorted(poses, key=lambda p: p[0])
         if (folder / "events.json").is_file():
             events = json.loads(text_of(_inside(folder, "events.json"), _MOST_EVENTS))
-            truth.lamp_time = events.get("lamp")
-            truth.hand = tuple(events["hand"]) if events.get("hand") else None
-            truth.position = tuple(events.get("position", truth.position))
-            truth.clock_offset = float(events.get("clock_offset", 0.0))
+            if events.get("lamp") is not None:
+                truth.lamp_time = _finite(events["lamp"], "lamp")
+            if events.get("hand"):
+                begin, end = (_finite(time, "hand") for time in events["hand"])
+                truth.hand = begin, end
+            x, y, z = (_finite(c, "position") for c in events.get("position", truth.position))
+            truth.position = x, y, z
+            truth.clock_offset = _finite(events.get("clock_offset", 0.0), "clock_offset")
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError, csv.Error) as error:
-        raise ValueError(f"{folder} cannot be read: {error!r}") from error
+        said = error if isinstance(error, ValueError) else repr(error)
+        raise ValueError(f"{folder} cannot be read: {said}") from error
     return truth
