@@ -283,6 +283,19 @@ def test_what_cannot_tell_a_response_is_refused():
         calibrate_response(exposed(EXPOSURES, srgb), EXPOSURES, grey[1] / 255)
 
 
+def test_an_even_part_is_no_white():
+    """A wall at 90 % of white's code that is brighter than all else does not clip."""
+    exposures = [1 / 64, 1 / 16, 1 / 4, 1.0]
+    shots = exposed(exposures, lambda x: np.clip(x, 0, 1) ** (1 / 2.2))
+    for shot, exposure in zip(shots, exposures, strict=True):
+        wall = round(255 * 0.9 * exposure ** (1 / 2.2))
+        shot[:] = np.minimum(shot, wall)
+        shot[:12, :20] = wall
+    found = calibrate_response(shots, exposures)
+    print(found)
+    assert 255 * found.response.white == pytest.approx(255)
+
+
 FRONT_FROM_BACK = fastibl.Pose.from_rotation_vector([0.03, np.pi - 0.05, 0.02], [0.012, -0.004, -0.009])
 BOARDS = fastibl.Pose.from_rotation_vector([2.8, 0.3, 0.4], [0.2, 0.1, 1.4])  # front board from back board
 
@@ -326,6 +339,32 @@ def test_a_rig_is_found_within_its_stated_deviations():
     print(f"{degrees:.3f} degrees, {1000 * metres:.2f} mm off; in deviations: median {np.median(ratios, axis=0)}")
     assert degrees < 0.05 and metres < 0.001
     assert (np.median(ratios, axis=0) < 2.5).all() and (np.median(ratios, axis=0) > 0.3).all()
+
+
+@pytest.mark.parametrize("count", [4, 5, 8])
+def test_a_rig_from_few_moments_states_what_it_does_not_know(count):
+    """Robust weights may meet three moments of four exactly, and would then state next to nothing."""
+    ratios, refused = [], 0
+    for seed in range(150):
+        try:
+            found = calibrate_rig(*moments(count, np.degrees(1e-3), 1e-3, seed=seed))
+        except ValueError:
+            refused += 1
+            continue
+        degrees, metres = off_by(found.front_from_back, FRONT_FROM_BACK)
+        ratios.append((degrees / found.degrees, metres / found.metres))
+    beyond = [np.mean(np.array(ratios) > k, axis=0) for k in (3, 5)]
+    print(f"{count} moments: beyond 3 deviations {beyond[0]}, beyond 5 {beyond[1]}; {refused} of 150 refused")
+    assert beyond[0].max() <= 0.12 and np.max(ratios) < 10 and refused < 50
+
+
+def test_the_order_of_moments_does_not_count():
+    """One moment that was turned about a second axis does not tell what 99 about one axis cannot."""
+    back, front = moments(99, about=(1,))
+    odd = moments(1, seed=4)
+    for order in (slice(None), slice(None, None, -1)):
+        with pytest.raises(ValueError, match="one axis"):
+            calibrate_rig((back + odd[0])[order], (front + odd[1])[order])
 
 
 def test_poses_without_noise_give_the_rig_exactly():
@@ -574,6 +613,19 @@ def test_a_board_is_measured_by_a_camera_without_distortion():
 def test_a_length_that_was_not_measured_is_refused(pictures, measured, message):
     with pytest.raises(ValueError, match=message):
         calibrate_board(pictures, BOARD, CAMERA, measured=measured)
+
+
+def test_byte_order_does_not_count(pictures):
+    """Dark pictures of 16 bits, which are brightened."""
+    dark = [(p.astype(np.uint16) * 16) for p in pictures]
+    found = [calibrate_camera([p.astype(order) for p in dark], BOARD).camera for order in ("<u2", ">u2")]
+    np.testing.assert_allclose(found[0].opencv_matrix, found[1].opencv_matrix, rtol=1e-9)
+
+
+def test_a_board_of_one_tag_needs_one():
+    blank = [np.full((480, 640, 3), 200, np.uint8)] * 6
+    with pytest.raises(ValueError, match="0 of 6 pictures show 1 tag or more"):
+        calibrate_camera(blank, fastibl.Board([(0, BOARD.tags[0].corners)], BOARD.width, BOARD.height))
 
 
 def test_what_is_no_picture_board_or_pose_is_named(pictures):

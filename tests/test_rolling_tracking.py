@@ -245,6 +245,8 @@ def test_a_telephone_clock_counts_from_its_start():
     for wrong in (other, rates[:40], 0 * rates):
         with pytest.raises(ValueError, match="nowhere .* does the gyroscope turn as the camera does"):
             _where(found, times[: len(wrong)], wrong)
+    with pytest.raises(ValueError, match="log lasts .* expected at most 40000: are its times in seconds"):
+        _where(found, 1e9 * times, rates)
     with pytest.raises(ValueError, match="give gyro or longest_offset"):
         calibrate_timing(shown, CAMERA, BOARD, longest_offset=None)
 
@@ -301,6 +303,7 @@ def test_two_cameras_that_see_the_board_tell_their_clocks_apart():
     mount = fastibl.Pose.from_rotation_vector([0.05, -0.08, 0.4], [0.01, 0.02, 0.0]).matrix
     first = calibrate_timing(shots("about the view", 0, 40), CAMERA, BOARD)
     late = [(t + 0.013, i) for t, i in film(BOARD, lambda t: mount @ path(t), ROLLING, 36, 1)]
+    late.insert(9, late[8])  # of one time, as cameras give them
     second = calibrate_timing(late, CAMERA, BOARD, poses=(first.times, first.poses))
     print(f"\n{1e3 * second.clock_offset:.2f} +- {1e3 * second.clock_offset_deviation:.2f} ms")
     assert abs(second.clock_offset + 0.013) < 1e-3

@@ -74,7 +74,7 @@ def explain_tags(grey: NDArray[np.uint8], board: Board) -> str | None:
         return _of_the_board(mine, board)
     if tags:
         return (
-            f"{_named(tags)} of the family 36h11 {_are(tags)} seen, but the board has {_runs(ids)}: the print and the "
+            f"{_named(tags)} of the family 36h11 {_are(tags)} seen, but the board has {runs(ids)}: the print and the "
             "board that is looked for are not the same."
         )
     return next(_no_tags(grey, board))
@@ -90,7 +90,7 @@ def _of_the_board(mine: _Tags, board: Board) -> str | None:
     """What is wrong where tags of the board are seen."""
     twice = [id for id, count in Counter(id for id, _ in mine).items() if count > 1]
     if twice:
-        return f"{_named(mine)} {_are(mine)} seen, {_runs(twice)} more than once: one print alone may be in view."
+        return f"{_named(mine)} {_are(mine)} seen, {runs(twice)} more than once: one print alone may be in view."
     small = _side(mine)
     if small < _SMALL:
         return _too_small(mine, small)
@@ -133,7 +133,7 @@ def _no_tags(grey: NDArray[np.uint8], board: Board) -> Iterator[str]:
         if len(tags) >= least:
             yield f"{len(tags)} tags of the family {family.removeprefix('APRILTAG_')} are seen: fastibl reads 36h11."
     yield (
-        f"No tag of the family 36h11 is seen. The board has {_runs(tag.id for tag in board.tags)}; each must be whole, "
+        f"No tag of the family 36h11 is seen. The board has {runs(tag.id for tag in board.tags)}; each must be whole, "
         "sharp, with white around it and no glare on it, and 20 pixels or more a side."
     )
 
@@ -159,10 +159,10 @@ def _are(tags: _Tags) -> str:
 
 def _named(tags: _Tags) -> str:
     ids = {id for id, _ in tags}
-    return f"Tag{'s' if len(ids) > 1 else ''} {_runs(ids)}"
+    return f"Tag{'s' if len(ids) > 1 else ''} {runs(ids)}"
 
 
-def _runs(ids: Iterable[int]) -> str:
+def runs(ids: Iterable[int]) -> str:
     """Such as "0 to 3, 7"."""
     runs: list[list[int]] = []
     for id in sorted(set(ids)):

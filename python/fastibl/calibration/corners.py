@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._fastibl import Board, Camera, Response, _grey, _refine_corners
-from ..explain_tracking import explain_tags, seen_tags
+from ..explain_tracking import explain_tags, runs
 from ..pictures import unit
 from ..tracking import detect
 
@@ -42,7 +42,7 @@ def grey_of(picture: ArrayLike, camera: Camera) -> tuple[NDArray[np.uint8], Came
     uint16 pictures are brightened to white and encoded again: 8 bits of a dark or linear picture would show no tags.
     """
     pixels = np.asarray(picture)
-    if pixels.dtype != np.uint16:
+    if pixels.dtype.newbyteorder("=") != np.uint16:
         return _grey(picture, camera), camera
     light = camera.response.decode(unit(pixels))
     white = float(np.quantile(light[::4, ::4], _WHITE))
@@ -82,11 +82,22 @@ def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: 
         grey, _ = grey_of(pictures[k], camera)
         why = explain_tags(grey, board)
         if why is None:
-            why = f"{seen_tags(grey, board)} are seen; others are out of view, too small or too blurred."
+            why = _what_lacks(find_corners(pictures[k], board, camera, refine=False).ids, pictures[k], board, camera)
         said.setdefault(re.sub(r"[\d ,]+", " ", why.replace("to", "")), (why, []))[1].append(k)  # whichever tags
     alike = {k[0]: f" (and alike in {', '.join(map(str, k[1:]))})" if k[1:] else "" for _, k in said.values()}
     told = " ".join(f"In picture {k[0]}{alike[k[0]]}: {why}" for why, k in said.values())
     return f". {told}" if told else ""
+
+
+def _what_lacks(seen: Sequence[int], picture: ArrayLike, board: Board, camera: Camera) -> str:
+    """Of a picture in which tags are seen, but too few."""
+    small = {*seen} - {*find_corners(picture, board, camera).ids}
+    said = f"tags {runs(seen)} are seen" + (f", of which {runs(small)} are too small to be refined" if small else "")
+    return (
+        said[0].upper()
+        + said[1:]
+        + ("; others are out of view, too small or too blurred." if len({*seen}) < len(board.tags) else ".")
+    )
 
 
 def size_of(pictures: Sequence[ArrayLike]) -> tuple[int, int]:

@@ -106,11 +106,12 @@ def calibrate_camera(
     lens, bends = guess, model == "fisheye"
     for round_ in range(3 if bends else 2):  # corners are found again with the lens of the round before
         seen = [find_corners(p, board, lens, refine=round_ > 0 or not bends) for p in pictures]
-        used = [k for k, s in enumerate(seen) if len(s.ids) >= min(_LEAST_TAGS, len(board.tags))]
+        least = min(_LEAST_TAGS, len(board.tags))
+        used = [k for k, s in enumerate(seen) if len(s.ids) >= least]
         if len(used) < _LEAST_PICTURES:
             raise ValueError(
-                f"{len(used)} of {len(pictures)} pictures show {_LEAST_TAGS} tags or more; expected at least "
-                f"{_LEAST_PICTURES}{what_is_seen(pictures, sorted({*range(len(seen))} - {*used}), board, lens)}"
+                f"{len(used)} of {len(pictures)} pictures show {least} tag{'s' * (least > 1)} or more; expected at "
+                f"least {_LEAST_PICTURES}{what_is_seen(pictures, sorted({*range(len(seen))} - {*used}), board, lens)}"
             )
         _check_views([seen[k] for k in used], (width, height))
         found = solve([seen[k] for k in used], used, (width, height), terms, response)

@@ -28,6 +28,7 @@ _LEAST_STEP = 2e-6  # per code: so that curves increase strictly, in float32 and
 _AGREES = 0.03  # share of white within which the end that follows from smoothness is kept: it is less noisy
 _LEAST_TOP = 8  # codes of the end that must have values
 _CLIPPED = 0.005  # share of the brightest picture's values that must clip, for its white to count
+_EVEN = 12  # codes within which a part of one code is one that does not clip but is even
 _DARK = 64  # highest mean code of a picture that counts as taken with the lens covered
 
 
@@ -62,8 +63,9 @@ def calibrate_response(
 
     pictures: (h, w, 3) uint8 RGB of a still place by a still camera. exposures: that of each picture, in any unit.
     dark: (h, w, 3) uint8 with the lens covered, for the black level, which is assumed to be 0 without it; the white
-    level is the code at which the brightest picture clips. Raises ValueError for fewer than three exposures, a place
-    that does not show nearly all codes, a dark picture that is not dark, or a curve on which the pixels do not agree.
+    level is the code at which the brightest picture clips, 255 if it is not seen to clip. Raises ValueError for fewer
+    than three exposures, a place that does not show nearly all codes, a dark picture that is not dark, or a curve on
+    which the pixels do not agree.
     """
     size_of(pictures)
     times = np.asarray(exposures, np.float32)
@@ -77,11 +79,15 @@ def calibrate_response(
     stack = np.stack([np.asarray(p) for p in pictures])
     if stack.dtype != np.uint8 or stack.ndim != 4 or stack.shape[3] != 3:
         raise ValueError(f"expected (h, w, 3) uint8 pictures, got {stack.shape[1:]} {stack.dtype}")
-    black, white = 0.0 if dark is None else _black(dark), _white(stack)
+    black, white = 0.0 if dark is None else _black(dark), _white(stack, times)
+    if not white > black:
+        raise ValueError(
+            f"the pictures are no brighter than black: their largest code is {white:.0f}, black {black:.0f}"
+        )
     levels = np.round((np.arange(256) - black) / (white - black) * 255).clip(0, 255).astype(np.uint8)
     pixels = levels[stack.reshape(len(stack), -1, 3)]
     share = np.isin(np.intersect1d(np.arange(256)[_TRUSTED], levels), pixels).mean()
-    if share < _LEAST_CODES:
+    if not share >= _LEAST_CODES:
         raise ValueError(
             f"the pictures show {share:.0%} of the codes between 5 and 95 % of white; expected {_LEAST_CODES:.0%}: "
             "more exposures, 1 or 2 stops apart, of a place with bright and dark parts"
@@ -123,11 +129,17 @@ def _black(dark: ArrayLike) -> float:
     return black
 
 
-def _white(stack: NDArray[np.uint8]) -> float:
-    """The code at which the brightest picture clips."""
-    brightest = stack[int(np.argmax(stack.mean(axis=(1, 2, 3))))]
-    most = int(brightest.max())
-    return float(most) if (brightest == most).mean() >= _CLIPPED else 255.0
+def _white(stack: NDArray[np.uint8], times: NDArray[np.float32]) -> float:
+    """The code at which the brightest picture clips: with less exposure, what shows it differs, or shows it still. 255
+    if the picture does not clip, but its brightest part is an even one."""
+    means = stack.mean(axis=(1, 2, 3))
+    brightest = int(np.argmax(means))
+    most = int(stack[brightest].max())
+    at, less = stack[brightest] == most, times < times[brightest]
+    if at.mean() < _CLIPPED or not less.any():
+        return 255.0
+    low, high = np.percentile(stack[np.argmax(np.where(less, means, -1))][at], [5, 95])
+    return float(most) if high - low > _EVEN or high == most else 255.0
 
 
 def _spread(order: NDArray, pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray:

@@ -16,6 +16,7 @@ _LEAST_MOMENTS = 4
 _LEAST_TURN = np.radians(5)  # RMS about a second axis, at least
 _ROUNDS = 20
 _HUBER = 2.0
+_ROBUST = 8  # moments, at least, for outliers to be told from the rest: fewer can be met exactly but for a few
 _MOST_DEGREES, _MOST_METRES = 0.5, 0.005  # largest deviations that are accepted
 
 
@@ -60,8 +61,8 @@ def calibrate_rig(back: Sequence[Pose | None], front: Sequence[Pose | None]) -> 
     if len(pairs) < _LEAST_MOMENTS:
         raise ValueError(f"both boards were seen at {len(pairs)} moments; expected at least {_LEAST_MOMENTS}")
     a, b = (np.array(side) for side in zip(*pairs, strict=True))
-    turns = rotation_vectors(a[0, :3, :3].T @ a[:, :3, :3])
-    second = float(np.linalg.svd(turns, compute_uv=False)[1] / np.sqrt(len(turns)))
+    turns = rotation_vectors(_rotation(a[:, :3, :3].sum(axis=0)).T @ a[:, :3, :3])
+    second = float(np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(turns)))
     if second < _LEAST_TURN:
         raise ValueError(
             "the rig was turned about one axis only: turn it by 30 degrees or more about two axes, both boards in view"
@@ -110,17 +111,22 @@ def _refine(a: NDArray, b: NDArray, x: NDArray, y: NDArray) -> tuple[NDArray, ND
             moved = np.zeros(12)
             moved[k] = step
             jacobian[..., k] = (_residuals(a, b, _moved(x, moved[:6]), _moved(y, moved[6:])) - residual) / step
-        scale = np.array(
-            [1.4826 * np.median(np.abs(residual[:, part])) + 1e-9 for part in (slice(0, 3), slice(3, 6))]
-        ).repeat(3)
-        weight = np.minimum(1, _HUBER / np.maximum(np.abs(residual / scale), 1e-12)) / scale**2
+        parts = np.abs(residual).reshape(-1, 2, 3)  # turns, shifts
+        if len(a) < _ROBUST:
+            scale, most = np.sqrt((parts**2).mean(axis=(0, 2))), np.inf
+        else:
+            scale, most = 1.4826 * np.median(parts, axis=(0, 2)), _HUBER
+        scale = (scale + 1e-9).repeat(3)
+        weight = np.minimum(1, most / np.maximum(np.abs(residual / scale), 1e-12)) / scale**2
         normal = np.einsum("nik,ni,nil->kl", jacobian, weight, jacobian)
         gradient = np.einsum("nik,ni,ni->k", jacobian, weight, residual)
         delta = -np.linalg.lstsq(normal, gradient, rcond=None)[0]
         x, y = _moved(x, delta[:6]), _moved(y, delta[6:])
         if np.abs(delta).max() < 1e-10:
             break
-    covariance = np.linalg.pinv(normal)[:6, :6] * residual.size / max(residual.size - 12, 1)
+    # The scale is found from the same residuals: the variance of Student's t. Turns and shifts each have half.
+    free = residual.size // 2 - 6
+    covariance = np.linalg.pinv(normal)[:6, :6] * (residual.size // 2 / free) * (free / (free - 2))
     return x, y, covariance, residual
 
 

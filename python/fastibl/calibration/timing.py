@@ -25,6 +25,7 @@ _WORST_READOUT, _WORST_OFFSET = 2e-3, 5e-3  # seconds: a larger standard deviati
 _ACCELERATION = (8.0, 4.0)  # radians and metres per second squared, as a hand can reach
 _JERK = (100.0, 50.0)  # the same, per second cubed
 _STEP = 0.01  # seconds
+_LONGEST = 40_000  # seconds of a film or a gyroscope's log
 _AROUND = 0.25  # seconds to each side of the offset at which the gyroscope turns as fast as the camera
 _LEAST_AGREEMENT = 0.7  # least correlation of the two speeds
 _RIVAL = 1.5  # another offset is as good if its mean square is less than this many times the least
@@ -103,7 +104,7 @@ def calibrate_timing(
     """Finds a camera's readout, and its clock relative to another, from pictures of a board while the camera moves.
 
     frames: (time, (h, w, 3) uint8 RGB) in order, of the whole board if possible; one to three seconds of brisk turns in
-    several directions.
+    several directions. Of pictures of one time, the first counts.
     camera: its lens; its stated readout is ignored.
     poses: (times, Pose or (n, 4, 4) or (n, 3, 3)) of anything that is fixed to the camera, target_from_world, by the
     other clock: from a motion capture system, an arm, or another camera (`.times`, `.poses` of its calibration).
@@ -128,7 +129,10 @@ def calibrate_timing(
             raise ValueError("a clock is looked for anywhere by a gyroscope's log alone: give gyro or longest_offset")
     elif not (np.isfinite(longest_offset) and longest_offset > 0):
         raise ValueError(f"longest_offset must be positive seconds, got {longest_offset}")
-    shots = [(float(time), np.asarray(image)) for time, image in frames]
+    shots: list[tuple[float, NDArray]] = []
+    for time, image in frames:
+        if not shots or time != shots[-1][0]:
+            shots.append((float(time), np.asarray(image)))
     if len(shots) < _LEAST_FRAMES:
         raise ValueError(f"timing needs {_LEAST_FRAMES} pictures or more, got {len(shots)}")
     readout = _FIRST_READOUT
@@ -291,6 +295,9 @@ def _checked(times: NDArray, rotations: NDArray) -> tuple[NDArray, NDArray]:
 def _where(track: _Track | TimingCalibration, times: ArrayLike, rates: ArrayLike) -> float:
     """Roughly how many seconds a gyroscope's clock is ahead: where both turn equally fast, about whatever axes."""
     times, speeds = np.asarray(times, np.float64), np.linalg.norm(np.asarray(rates, np.float64), axis=1)
+    for what, span in (("the gyroscope's log", np.ptp(times)), ("the film", np.ptp(track.times))):
+        if not span <= _LONGEST:
+            raise ValueError(f"{what} lasts {span:.3g} s, expected at most {_LONGEST}: are its times in seconds?")
     seen = np.array([p.rotation for p in track.poses])
     steps = np.diff(track.times)
     turns = np.linalg.norm(rotation_vectors(seen[1:] @ seen[:-1].transpose(0, 2, 1)), axis=1) / steps
