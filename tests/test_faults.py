@@ -70,7 +70,16 @@ def test_the_seed_decides():
 
 def test_an_exposure_that_no_camera_told_stays_unknown():
     given = [fastibl.Frame(k / 30, np.zeros((48, 64, 3), np.uint8), back_exposure=None) for k in range(20)]
-    assert all(f.back_exposure is None for f in Faulty(Recording(RIG, given), 0, {"exposure": 0.9}))
+    source = Faulty(Recording(RIG, given), 0, {"exposure": 0.9})
+    assert all(f.back_exposure is None and not source.happened for f in source)
+    assert source.counts["exposure"] == 0  # nothing happened
+
+
+def test_what_cannot_be_repeated_does_not_happen():
+    source = Faulty(film(30), 0, {"time": 1.0})
+    happened = [dict(source.happened) for _ in source]
+    assert happened[0] == {} and all(happened[1:])
+    assert sum(Faulty(film(1), kinds=1.0)._kinds.values()) == pytest.approx(1)
 
 
 def test_wrong_faults():

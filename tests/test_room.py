@@ -165,3 +165,18 @@ def test_wood_has_the_mean_that_is_asked_for():
     assert board.std() > 0.01 and board.max() < 1
     np.testing.assert_allclose(table_albedo(0.3).mean(), 0.3, rtol=1e-6)
     np.testing.assert_allclose(table_albedo((0.1, 0.2, 0.3)), (0.1, 0.2, 0.3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.5, 0.77, 0.8, 0.95, 1.0])
+def test_a_table_of_any_mean(mean):
+    albedo = table_albedo(mean)
+    assert albedo.mean() == pytest.approx(mean, abs=1e-6) and albedo.min() >= 0 and albedo.max() <= 1
+    assert (albedo[0] >= albedo[1] >= albedo[2]) and (albedo[0] > albedo[2] or mean in (0.0, 1.0))
+    with pytest.raises(ValueError, match="albedo must be"):
+        table_albedo(mean + 1.01)
+
+
+@pytest.mark.parametrize("size, samples", [(0, 4), (8, 0)])
+def test_a_true_map_has_texels_and_samples(room, size, samples):
+    with pytest.raises(ValueError, match=f"at least 1, got {size} and {samples}"):
+        room.truth(size=size, samples=samples)

@@ -326,6 +326,9 @@ def test_steps():
         ({"environment": "nowhere.hdr"}, FileNotFoundError, "nowhere.hdr"),
         ({"environment": __file__}, ValueError, r"end in \.hdr"),
         ({"albedo": -1}, ValueError, "albedo"),
+        ({"albedo": 0.3, "environment": DistantPlace(np.ones((8, 16, 3)))}, ValueError, "has its own"),
+        ({"position": (np.nan, 0, 0.1)}, ValueError, "finite coordinates"),
+        ({"position": (0, 0.1)}, ValueError, "3 finite coordinates"),
         ({"gyro": -1}, ValueError, "gyro"),
     ],
 )
@@ -338,6 +341,8 @@ def test_place_errors():
     place = DistantPlace(np.ones((8, 16, 3)))
     with pytest.raises(ValueError, match="above the table"):
         place.radiance((0, 0, 0), [0.0, 0.0, 1.0])
+    with pytest.raises(ValueError, match="finite"):
+        place.radiance((np.nan, 0, 1), [0.0, 0.0, 1.0])
     with pytest.raises(ValueError, match=r"\(3,\)"):
         place.radiance((0, 0), [0.0, 0.0, 1.0])
 

@@ -179,6 +179,21 @@ def test_darker_front_pictures_have_shorter_exposures():
     assert swings[1] == pytest.approx(0.5 * np.sinc(1 / 16) * np.sinc(1 / 3), rel=0.05)  # of ten rows
 
 
+def test_no_exposure_lasts_longer_than_a_frame():
+    """Beyond that, cameras amplify."""
+    asked = []
+
+    def path(time):
+        asked.append(time)
+        return looking(0.0, -np.pi / 2 + time)
+
+    simulate(
+        np.ones((16, 32, 3)), seconds=0.4, fps=5, board=False, hand=False, shutter=0.2, path=path,
+        front_exposures=lambda e: 50 * e, **SMALL,
+    )  # fmt: skip
+    assert -0.11 < min(asked) and max(asked) < 0.4
+
+
 def test_glare_keeps_the_light_and_lifts_the_dark():
     camera = Camera(64, 48, fx=60, fy=60, cx=32, cy=24)
     eye, rng = _Eye(camera), np.random.default_rng(0)

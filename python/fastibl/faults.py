@@ -54,7 +54,7 @@ class Faulty:
         unknown = set(kinds) - set(KINDS)
         if unknown:
             raise ValueError(f"faults are {', '.join(KINDS)}, got {sorted(unknown)[0]!r}")
-        if not (all(share >= 0 for share in kinds.values()) and sum(kinds.values()) <= 1):
+        if not (all(share >= 0 for share in kinds.values()) and sum(kinds.values()) <= 1 + 1e-9):
             raise ValueError(f"shares of faults must be positive and at most 1 together, got {dict(kinds)}")
         self.rig, self.board, self.source = source.rig, source.board, source
         self._seed, self._kinds = seed, dict(kinds)
@@ -76,8 +76,8 @@ class Faulty:
                 if getattr(given, name) is None:
                     continue
                 event = events[name] or self._begun(rng)
-                if event is not None and event.kind in ("frozen", "torn") and shown[name] is None:
-                    event = None  # there is no picture yet that could be repeated
+                if event is not None and not _can_happen(frame, name, event, shown[name], last):
+                    event = None
                 if event is not None:
                     self.happened[name] = event.kind
                     self.counts[event.kind] += 1
@@ -102,6 +102,17 @@ class Faulty:
         return None
 
 
+def _can_happen(frame: Frame, name: str, event: _Event, before: NDArray | None, last: float | None) -> bool:
+    """Whether a fault would change anything: what is repeated has to be there, and what is told wrongly, told."""
+    if event.kind == "frozen":
+        return before is not None
+    if event.kind == "torn":
+        return before is not None and before.shape == getattr(frame, name).shape
+    if event.kind == "exposure":
+        return getattr(frame, f"{name}_exposure") is not None
+    return event.kind != "time" or last is not None
+
+
 def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> None:
     picture, (a, b, _) = getattr(frame, name), event.amount
     height = picture.shape[0]
@@ -111,7 +122,7 @@ def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> No
         picture = np.zeros_like(picture)
     elif event.kind == "frozen":
         picture = before
-    elif event.kind == "torn" and before is not None and before.shape == picture.shape:
+    elif event.kind == "torn" and before is not None:
         row = int((0.2 + 0.6 * a) * height)
         picture = np.concatenate([picture[:row], before[row:]])
     elif event.kind == "resized":
@@ -120,8 +131,7 @@ def _spoil(frame: Frame, name: str, event: _Event, before: NDArray | None) -> No
         picture = np.ascontiguousarray(picture[:, ::-1])
     elif event.kind == "exposure":
         tag = f"{name}_exposure"
-        told = getattr(frame, tag)  # None where the camera does not tell its exposure, so that it cannot be wrong
-        setattr(frame, tag, None if told is None else told * _TAGS[int(a * len(_TAGS))])
+        setattr(frame, tag, getattr(frame, tag) * _TAGS[int(a * len(_TAGS))])
     elif event.kind == "white balance":
         gains = np.exp(1.4 * (event.amount - 0.5))  # from half to twice
         if picture.dtype.kind == "f":  # linear

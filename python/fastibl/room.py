@@ -589,19 +589,24 @@ class Room:
 
 
 def table_albedo(albedo: ArrayLike | None) -> NDArray[np.float32]:
-    """RGB albedo of a table: None is light wood, a number is wood of that mean, RGB is taken as it is."""
+    """RGB albedo of a table: None is light wood, a number is wood of that mean, RGB is taken as it is. Wood beyond 0.77
+    is the less coloured the brighter it is, because no channel exceeds 1."""
     wooden = np.array([0.645, 0.50, 0.355], np.float32)
     if albedo is None:
         return wooden
     a = np.asarray(albedo, np.float32)
-    a = wooden * (a / wooden.mean()) if a.ndim == 0 else a
-    if a.shape != (3,) or not (np.all(a >= 0) and np.all(a <= 1)):
+    if a.shape not in ((), (3,)) or not (np.all(a >= 0) and np.all(a <= 1)):
         raise ValueError(f"albedo must be a number or RGB with values in [0, 1], got {albedo!r}")
+    if a.ndim == 0:
+        tint = wooden * (a / wooden.mean()) - a
+        a = a + tint * min(1, (1 - a) / max(tint.max(), 1e-6))
     return a
 
 
 def truth_map(radiance, size: int, samples: int) -> CubeMap:
     """Cube map of a function of directions, averaged over samples x samples points of each texel."""
+    if size < 1 or samples < 1:
+        raise ValueError(f"size and samples must be at least 1, got {size} and {samples}")
     n = size * samples
     grid = ((np.arange(n, dtype=np.float32) + 0.5) / n * 2 - 1).astype(np.float32)
     s, t = np.meshgrid(grid, grid)

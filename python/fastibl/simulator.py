@@ -12,7 +12,17 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._fastibl import Board, Camera, CubeMap, Pose, Rig, cubemap_from_equirect, texel_directions, texel_solid_angles
+from ._fastibl import (
+    Board,
+    Camera,
+    CubeMap,
+    Environment,
+    Pose,
+    Rig,
+    cubemap_from_equirect,
+    texel_directions,
+    texel_solid_angles,
+)
 from .environment_files import read_environment
 from .expected import expect
 from .pictures import LINEAR, read_picture
@@ -88,8 +98,8 @@ class DistantPlace:
         d = np.asarray(directions, np.float32)
         if o.shape != (3,) or d.shape[-1:] != (3,):
             raise ValueError(f"expected position (3,) and directions (..., 3), got {o.shape} and {d.shape}")
-        if not o[2] > 0:
-            raise ValueError(f"position must lie above the table, got z = {o[2]}")
+        if not (np.isfinite(o).all() and o[2] > 0):
+            raise ValueError(f"position must be finite and lie above the table, got {o.tolist()}")
         if not unit:
             d = d / np.linalg.norm(d, axis=-1, keepdims=True)
         below = d[..., 2] < 0
@@ -361,7 +371,11 @@ class _Hand:
 def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
     if environment is None:
         return Room(albedo), True
+    if isinstance(environment, Environment):
+        return DistantPlace(environment.radiance, albedo), False
     if hasattr(environment, "radiance") and hasattr(environment, "truth"):
+        if albedo is not None:
+            raise ValueError("albedo is that of a table under a map or in the room; a place of your own has its own")
         return environment, False
     if isinstance(environment, (str, os.PathLike)):
         path = Path(environment)
@@ -374,7 +388,7 @@ def _place_of(environment: Any, albedo: ArrayLike | None) -> tuple[Place, bool]:
 
 
 def simulate(
-    environment: CubeMap | ArrayLike | str | os.PathLike[str] | Place | None = None,
+    environment: CubeMap | Environment | ArrayLike | str | os.PathLike[str] | Place | None = None,
     seed: int = 0,
     seconds: float = 8.0,
     fps: float = 15.0,
@@ -404,10 +418,10 @@ def simulate(
 ) -> Recording:
     """Makes a recording of a place whose light is known.
 
-    environment: None is the built-in room. A CubeMap, an equirectangular picture (h, 2h, 3) of floats, or the path of
-    a file that `read_environment` reads (.hdr, .exr, .ktx2, .dds) is a map at infinity, above an opaque table at z = 0
-    that it lights; or a Place of your own.
-    albedo: the table's mean albedo, a number or RGB; by default about that of the printed page.
+    environment: None is the built-in room. A CubeMap, an Environment, an equirectangular picture (h, 2h, 3) of floats,
+    or the path of a file that `read_environment` reads (.hdr, .exr, .ktx2, .dds) is a map at infinity, above an opaque
+    table at z = 0 that it lights; or a Place of your own.
+    albedo: the table's mean albedo, a number or RGB; by default about that of the printed page. Not for a Place.
     board: the printed page (`.image(dpi)` grey uint8, `.width`, `.height` in metres); None is Board.default(), False is
     no board.
     seed: of the path's wandering and of the noise. seconds, fps: length, and frames per second.
@@ -435,7 +449,7 @@ def simulate(
     - readout: seconds from a picture's first row to its last, of both cameras; row r of a picture of `time` is
       exposed around time + r / height * readout. The recording's cameras state it. None takes it from `rig`, or 0.
     - shutter: exposure time in seconds, over which poses are averaged in linear light. The front camera's darker
-      pictures take 16 and 256 times less. 0: an instant.
+      pictures take 16 and 256 times less, brighter ones of its front_exposures more, up to 1 / fps. 0: an instant.
     - flicker: Hz at which lamps on the mains, and with them all light, flicker: 100 or 120; each row takes the mean
       over its exposure time. flicker_depth: 0 to 1, the swing around the mean; the truth holds the mean.
     - glare: share of a picture's light, 0 to 1, that lenses spread evenly over all of it; 0.01 is good, 0.03 common.
@@ -478,6 +492,8 @@ def simulate(
     times = [k / fps for k in range(max(1, round(seconds * fps)))]
 
     at = cast("tuple[float, float, float]", tuple(float(x) for x in np.asarray(position, np.float64)))
+    if len(at) != 3 or not np.isfinite(at).all():
+        raise ValueError(f"position must be 3 finite coordinates in metres, got {position!r}")
     truth = Truth(position=at, clock_offset=clock_offset)
     truth.maps = [(0.0, place.truth(truth.position, truth_size, False))]
     if lamp and has_lamp:
@@ -489,7 +505,9 @@ def simulate(
         begin = 0.3 * seconds
         truth.hand = (begin, begin + min(1.0, 0.2 * seconds))
 
-    make = _Pictures(place, rig, board, truth, noise, pose_at, timing, front_exposures, auto_exposure, gyro, seed)
+    make = _Pictures(
+        place, rig, board, truth, noise, pose_at, timing, 1 / fps, front_exposures, auto_exposure, gyro, seed
+    )
     if live:
         return Recording(rig, _LiveFrames(make, times, seed), board, truth)
     writer = RecordingWriter(out, rig, board, video=video) if out is not None else None
@@ -550,6 +568,7 @@ class _Pictures:
         noise: np.random.Generator,
         pose_at: Callable[[float], Pose],
         timing: Shutter,
+        longest: float,
         front_exposures: Callable[[float], float] | None = None,
         auto_exposure: bool = False,
         gyro: float | None = None,
@@ -559,6 +578,7 @@ class _Pictures:
         self.gyro, self.seed = gyro, seed
         self.place, self.rig, self.truth, self.noise = place, rig, truth, noise
         self.pose_at, self.timing = pose_at, timing
+        self._longest = longest  # exposure time in seconds: beyond it, cameras amplify
         self.back = _Eye(rig.back)
         self.front = _Eye(rig.front) if rig.front is not None else None
         self.page = _PrintedBoard(board, place) if board is not None else None
@@ -595,7 +615,7 @@ class _Pictures:
                 lambda t: self.rig.front_from_back @ self.pose_at(t),
                 time,
                 frame.front_exposure,
-                self.timing.exposure_time * share,
+                min(self.timing.exposure_time * share, self._longest),
                 self.hand,
             )
         return frame
