@@ -39,6 +39,12 @@ def sometimes(item, path):
     path.write_text(f"all of {item}")
 
 
+def with_notes(item, path):
+    error = RuntimeError("the disk broke")
+    error.__notes__ = ["", "see the manual"][item:]
+    raise error
+
+
 def folder_of(item, path):
     path.mkdir()
     (path / "a.txt").write_text(str(item))
@@ -100,6 +106,12 @@ def test_an_item_that_fails_leaves_nothing_and_stops_nobody(tmp_path):
     stored = json.loads((tmp_path / "summary.json").read_text())
     assert [i["state"] for i in stored["items"]] == [i.state for i in summary.items] and stored["seconds"] > 0
     assert all(i.seconds > 0 for i in summary.of("done"))
+
+
+def test_notes_do_not_hide_what_was_raised(tmp_path):
+    summary = with_threads(with_notes, range(3), tmp_path)
+    assert [i.state for i in summary.items] == ["failed"] * 3
+    assert {i.error for i in summary.items} == {"RuntimeError: the disk broke"}
 
 
 def test_a_result_may_be_a_folder_and_must_be_there(tmp_path):

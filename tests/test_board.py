@@ -2,6 +2,7 @@
 
 import builtins
 import copy
+import errno
 import pickle
 import re
 import zlib
@@ -165,11 +166,20 @@ def test_png_says_its_true_size(board, tmp_path):
     assert (cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) == board.image(200)).all()
 
 
-def test_pdf_is_vectors_at_true_size(board, tmp_path):
+def no_room(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_pdf_is_vectors_at_true_size(board, tmp_path, monkeypatch):
     pytest.importorskip("reportlab")
     path = tmp_path / "board.pdf"
     board.save(str(path))
     data = path.read_bytes()
+    with monkeypatch.context() as full:
+        full.setattr("pathlib.Path.write_bytes", no_room)
+        with pytest.raises(OSError, match="No space"):
+            fastibl.Board.default().save(path)
+    assert path.read_bytes() == data and list(tmp_path.iterdir()) == [path]
     box = re.search(rb"/MediaBox \[ ([\d. ]+) \]", data)
     assert np.allclose(
         [float(v) for v in box[1].split()[2:]], np.array([board.width, board.height]) / 0.0254 * 72, atol=0.01

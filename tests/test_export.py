@@ -709,3 +709,10 @@ def test_a_small_sun_keeps_its_light_in_an_equirectangular_picture(axis, height,
         angles = (edges[:-1] - edges[1:]) * 2 * np.pi / picture.shape[1]
         flux = float((picture[..., 0] * angles[:, None]).sum())
         assert flux == pytest.approx(true, rel=0.004), f"{name}: {flux / true:.4f}"  # shared exponents
+
+
+def test_a_folder_that_is_not_there_is_named_and_no_other_file(tmp_path):
+    path = tmp_path / "nowhere" / "map.hdr"
+    with pytest.raises(FileNotFoundError) as error:
+        fastibl.write_environment(path, fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32)))
+    assert error.value.filename == str(path)

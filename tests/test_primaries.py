@@ -205,6 +205,12 @@ def test_chromaticities_that_are_none(tmp_path):
         cube = fastibl.read_environment(tmp_path / "a.exr", 16)
     assert told[0].filename == __file__
     np.testing.assert_allclose(cube.faces, 0.2, rtol=1e-6)
+    data = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "b.exr").write_bytes(
+        data.replace(b"chromaticities\0chromaticities\0", b"chromaticities\0chromaticitieZ\0")
+    )
+    with pytest.warns(UserWarning, match="b.exr states what are no primaries"):  # a type that nobody knows
+        assert fastibl.read_environment(tmp_path / "b.exr", 16) == cube
 
 
 def test_primaries_of_ktx2(tmp_path):

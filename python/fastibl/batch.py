@@ -350,7 +350,11 @@ def _mark(part: Path) -> Path:
 
 
 def _last_line(error: BaseException) -> str:
-    return traceback.format_exception_only(type(error), error)[-1].strip()
+    """Of what is said without a traceback and without notes; never empty, because it names the exception."""
+    said = traceback.TracebackException.from_exception(error)
+    if hasattr(said, "__notes__"):
+        said.__notes__ = None
+    return list(said.format_exception_only())[-1].strip()
 
 
 def _sync(part: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import zlib
@@ -172,7 +173,8 @@ def _save_pdf(board: Board, path: Path) -> None:
         raise ImportError("a PDF needs reportlab: pip install reportlab (or save a .png)") from error
     point = 72 / METRES_PER_INCH  # points in a metre
     size = board.width * point, board.height * point
-    canvas = Canvas(os.fspath(path), pagesize=size, invariant=True)
+    data = io.BytesIO()
+    canvas = Canvas(data, pagesize=size, invariant=True)
     canvas.setTitle("fastibl board")
 
     def on_paper(points):  # PDF counts from the lower left corner, with y up
@@ -210,6 +212,7 @@ def _save_pdf(board: Board, path: Path) -> None:
             canvas.line(x0 * point, size[1] - y0 * point, x1 * point, size[1] - y1 * point)
     canvas.showPage()
     canvas.save()
+    write_whole(path, data.getvalue())
 
 
 def _runs(modules: NDArray[np.bool_]):

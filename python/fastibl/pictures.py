@@ -207,7 +207,7 @@ def _chromaticities(path: Path, stated: Any) -> Stated | None:
     """What a picture's header states of its primaries; with a warning, nothing, where it states what cannot be."""
     try:
         return None if stated is None else from_chromaticities(stated)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:  # TypeError: of a damaged type
         warnings.warn(f"{path} states what are no primaries, and is taken for Rec. 709: {error}", stacklevel=4)
         return None
 

@@ -36,7 +36,10 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     part = path.with_name(f"{path.stem[:_STEM]}.{os.getpid()}-{next(_WRITTEN)}.part")
     part.unlink(missing_ok=True)
     try:
-        os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        try:
+            os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        except OSError as error:  # it names the part, of which nobody has heard
+            raise OSError(error.errno, error.strerror, str(path)) from None
         if path.exists():
             part.chmod(stat.S_IMODE(path.stat().st_mode))
         yield part
