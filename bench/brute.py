@@ -8,16 +8,18 @@ folder, under a name that depends on the maps and on this code.
 from __future__ import annotations
 
 import hashlib
+import inspect
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fastibl import reference
+from fastibl.measuring import samples
 from fastibl.measuring.samples import pairs, units
 
 from .inputs import real_maps
@@ -28,25 +30,36 @@ _SPLIT = {512: 4, 2048: 8}  # pieces of a texel along each axis, by exponent
 
 
 def errors(estimated: NDArray, true: NDArray | float, mean: float | NDArray) -> NDArray:
-    """RMS over RGB of the difference, divided by the mean of the truth; (n,)."""
-    return np.sqrt(((np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / mean
+    """RMS over RGB of the difference, divided by the mean of the truth; (n,). Raises ValueError for what is not
+    finite."""
+    return np.sqrt((finite(np.asarray(estimated, np.float64) - true) ** 2).mean(axis=-1)) / mean
+
+
+def finite(differences: NDArray) -> NDArray:
+    """The differences; ValueError if one is NaN or infinite: a row fails with it, whatever it would make of them."""
+    if not np.isfinite(differences).all():
+        count = int((~np.isfinite(differences)).sum())
+        raise ValueError(f"{count} of {differences.size} values differ by what is no finite number")
+    return differences
 
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fastibl-bench"
 
 
 def kept(what: str, make: Callable[[], NDArray]) -> NDArray:
-    """make(), kept between runs; the key is `what` it is, the maps, and the code of the oracle and of this file."""
-    return stored([what, np.__version__, _radiance(), Path(reference.__file__), Path(__file__)], make)
+    """make(), kept between runs; the key is `what` it is, the maps, and the code that makes it."""
+    return stored([what, _radiance(), Path(samples.__file__)], make)
 
 
 Part = str | NDArray | Path  # part of a key
 
 
 def stored(key: Iterable[Part], make: Callable[[], NDArray]) -> NDArray:
-    """make(), kept between runs; the key is the contents of what it was made from: texts, arrays, files."""
-    parts = hashlib.sha256()
-    for part in key:
+    """make(), kept between runs; the key is the contents of what it was made from: texts, arrays, files. The code of
+    `make`, of this file and of the oracle, and NumPy's version are always part of it."""
+    parts = hashlib.sha256(np.__version__.encode())
+    code = [make.func if isinstance(make, partial) else make, stored, reference]
+    for part in (*key, *(Path(inspect.getfile(each)) for each in code)):
         parts.update(
             part.encode() if isinstance(part, str) else part.read_bytes() if isinstance(part, Path) else part.tobytes()
         )

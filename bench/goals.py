@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 # Must be set before anything loads a driver: Mesa's software renderer reads its number of threads only once.
 os.environ.setdefault("LP_NUM_THREADS", "2")
@@ -34,6 +37,8 @@ class Goal:
 
     @property
     def verdict(self) -> str:
+        if self.passed and re.search(r"\bnan\b", self.measured):
+            return "no"
         return "-" if self.passed is None else "yes" if self.passed else "no"
 
 
@@ -66,6 +71,11 @@ def skipped(what: str, reason: str) -> Goal:
     return Goal(what, "skipped", reason, None)
 
 
+def largest(values: Iterable[float]) -> float:
+    """The largest of some values; NaN if one of them is, which max() may pass over. ValueError where there are none."""
+    return float(np.max([float(v) for v in values]))
+
+
 def percent(value: float, digits: int = 3) -> str:
     return f"{100 * value:.{digits}g} %"
 
@@ -88,7 +98,10 @@ def measured(rows: Sequence[Row]) -> Iterator[Goal]:
             yield from r.measure()
         except SkipError as reason:
             yield skipped(r.name, str(reason))
-        except Exception as error:  # one broken row must not hide the others
+        except KeyboardInterrupt:  # what was measured is worth printing
+            yield Goal(r.name, "interrupted", "to run", False)
+            return
+        except (Exception, SystemExit) as error:  # one broken row must not hide the others
             yield Goal(r.name, f"{type(error).__name__}: {error}", "to run", False)
         print(f" {time.perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
 

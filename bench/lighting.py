@@ -50,7 +50,7 @@ def diffuse() -> list[Row]:
     for method in fastibl.methods("diffuse"):
         setting = _setting(method)
         lighting = fastibl.Lighting(next(iter(maps.values())), diffuse=method)
-        time = measure(lighting.irradiance, batches, repetitions=7, warm=1).scaled(_NORMALS)
+        time = measure(lighting.irradiance, batches, repetitions=7, warm=1).of_cpu.scaled(_NORMALS)
         metric = "mean error of the irradiance; seconds a normal"
         if not inputs.MAPS:
             out.append(row(method.name, "noise", metric, time=time, setting=setting))
@@ -65,7 +65,7 @@ def diffuse() -> list[Row]:
             out.append(
                 row(method.name, f"worst of {len(means)} maps", "worst error of the irradiance", worst, setting=setting)
             )
-        build = measure(lambda cube, m=method: fastibl.Lighting(cube, diffuse=m), list(maps.values()))
+        build = measure(lambda cube, m=method: fastibl.Lighting(cube, diffuse=m), list(maps.values())).of_cpu
         out.append(row(method.name, "fit to a map of 128^2", time=build, setting=setting))
     return out
 
@@ -79,7 +79,7 @@ def glossy() -> list[Row]:
     batches = [(normals, views), (normals[::-1].copy(), views[::-1].copy())]
     for method in fastibl.methods("glossy"):
         lighting = fastibl.Lighting(next(iter(maps.values())), glossy=method)
-        time = measure(lambda b, l=lighting: l.glossy(*b, _TIMED_EXPONENT), batches, repetitions=7, warm=1)
+        time = measure(lambda b, l=lighting: l.glossy(*b, _TIMED_EXPONENT), batches, repetitions=7, warm=1).of_cpu
         time = time.scaled(_PAIRS)
         metric = "mean error of the normalised lobe; seconds a pair"
         if not inputs.MAPS:

@@ -103,7 +103,7 @@ def tagged_photographs() -> list[Row]:
             [np.linalg.norm(corners.mean(axis=1) - quad.mean(axis=0), axis=1).min(initial=np.inf) for quad in listed]
         )
         hit = distances < 2
-        time = measure(lambda g, b=board, c=camera: detect(g, b, c), [grey], repetitions=9)
+        time = measure(lambda g, b=board, c=camera: detect(g, b, c), [grey], repetitions=9).of_cpu
         case = f"photograph {path.stem.split('_')[0]}"
         out += [
             row("board", case, "number of tags found", float(len(found)), time),
@@ -123,7 +123,7 @@ def grid_photographs() -> list[Row]:
         for method in fastibl.methods("tracking"):
             tracker = fastibl.Tracker(board, camera, method=method.name)
             tracked = tracker.track(image)
-            time = measure(tracker.track, [image], repetitions=5)
+            time = measure(tracker.track, [image], repetitions=5).of_cpu
             case = f"photograph of a grid {path.stem}"
             residual = None if tracked is None else tracked.residual_px
             used = 0 if tracked is None else len(tracked.tags)

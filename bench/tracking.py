@@ -24,7 +24,7 @@ def rows() -> list[Row]:
         for method in fastibl.methods("tracking"):
             for refine in (True, False):
                 tracker = fastibl.Tracker(recording.board, recording.rig.back, method=method.name, refine=refine)
-                time = measure(tracker.track, [f.back for f in frames], repetitions=2 * len(frames))
+                time = measure(tracker.track, [f.back for f in frames], repetitions=2 * len(frames)).of_cpu
                 degrees, shifts, lost = [], [], 0
                 for frame in frames:
                     tracked, true = tracker.track(present(frame.back)), truth_of(recording).pose(frame.time)

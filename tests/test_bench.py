@@ -3,12 +3,13 @@
 import importlib
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
 import fastibl
-from bench import goals, measure, paper
+from bench import brute, goals, measure, paper
 from bench.goals import Goal
 from fastibl.measuring import samples
 
@@ -160,3 +161,43 @@ def test_frontier_and_plot(tmp_path):
     first = (tmp_path / "p.svg").read_bytes()
     draw(metric, [*found, exact, worse], tmp_path / "p.svg")
     assert first == (tmp_path / "p.svg").read_bytes() and b"<svg" in first
+
+
+def test_what_is_no_number_is_not_met():
+    assert goals.Goal("error", "nan %", "<= 1 %", True).verdict == "no"
+    assert goals.Goal("nanometres", "1 nanometre", "<= 1", True).verdict == "yes"
+    assert goals.largest([1.0, 3.0, 2.0]) == 3 and np.isnan(goals.largest([1.0, np.nan, 2.0]))
+    with pytest.raises(ValueError, match="zero-size"):
+        goals.largest([])
+    with pytest.raises(ValueError, match="1 of 6 values differ by what is no finite number"):
+        brute.errors([[0, 0, 0], [0, np.nan, 0]], np.ones((2, 3)), 1.0)
+
+
+def test_a_row_that_ends_the_program_hides_no_other():
+    def ends():
+        yield goals.Goal("before", "1", "1", True)
+        raise SystemExit(2)
+
+    def interrupted():
+        raise KeyboardInterrupt
+        yield
+
+    def fine():
+        yield goals.Goal("after", "1", "1", True)
+
+    rows = [goals.Row(f.__name__, f) for f in (ends, fine, interrupted, fine)]
+    assert [(g.what, g.verdict) for g in goals.measured(rows)] == [
+        ("before", "yes"), ("ends", "no"), ("after", "yes"), ("interrupted", "no"),
+    ]  # fmt: skip
+
+
+def test_what_is_kept_is_that_of_its_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(brute, "CACHE", tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    code = "import numpy as np\ndef make(times=1):\n    return times * np.full(1, {})\n"
+    (tmp_path / "made_here.py").write_text(code.format(1))
+    made = importlib.import_module("made_here")
+    assert brute.stored(["a"], made.make) == 1
+    (tmp_path / "made_here.py").write_text(code.format(23))
+    importlib.reload(made)
+    assert brute.stored(["a"], made.make) == 23 and brute.stored(["b"], partial(made.make, 2)) == 46

@@ -448,7 +448,7 @@ def test_unseen_texels_take_a_mean_of_what_is_near():
         squares = ((d[missing][:, None] - d[side]) ** 2).sum(axis=-1)
         weights = angles[side] / (squares + 0.01) ** 4
         expected = weights @ bounded / weights.sum(axis=1, keepdims=True)
-        worst = max(worst, np.abs(values[missing] / expected - 1).max())
+        worst = np.maximum(worst, np.abs(values[missing] / expected - 1).max())
     print(f"unseen texels: within {worst:.1e} of the weighted mean of the seen")
     assert worst < 1e-4
 

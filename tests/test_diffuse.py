@@ -248,14 +248,14 @@ def test_a_small_sun_is_where_the_map_has_it(size):
         true = np.pi * sky + strength * np.array([1, 0.7, 0.4]) * np.maximum(d @ sun, 0)[:, None]
         for source in (16, 32):
             cube = lighting.irradiance_cube(16, source=source).faces.reshape(-1, 3)
-            worst[source] = max(worst[source], float(relative(cube, true).mean()))
+            worst[source] = np.maximum(worst[source], relative(cube, true).mean())
         x, y, z = sun
         harmonics = [0.282095, *(0.488603 * np.array([y, z, x]))]
         harmonics += [1.092548 * x * y, 1.092548 * y * z, 0.315392 * (3 * z * z - 1)]
         harmonics += [1.092548 * x * z, 0.546274 * (x * x - y * y)]
         true = strength * np.outer(harmonics, [1, 0.7, 0.4])
         true[0] += sky * np.sqrt(4 * np.pi)
-        worst["sh9"] = max(worst["sh9"], float(np.abs(np.asarray(lighting.sh9) - true).max() / true.max()))
+        worst["sh9"] = np.maximum(worst["sh9"], np.abs(np.asarray(lighting.sh9) - true).max() / true.max())
     print(f"{size}: mean error from 16 and 32 squared, largest of the harmonics: {worst}")
     assert worst[16] < 2e-4 and worst[32] < 1e-4 and worst["sh9"] < 3e-4
 

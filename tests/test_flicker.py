@@ -53,6 +53,7 @@ def test_a_swing_is_averaged(fps):
     )
     averaged = [t for t in taken if t.how == "averaged"]
     assert len(averaged) > 40 and all(t.flicker > 0.2 for t in averaged)
+    assert np.median([t.flicker for t in averaged]) == pytest.approx(gains.std(), rel=0.25)
     assert level(ours) == pytest.approx(gains.mean(), abs=0.06)
 
 

@@ -70,3 +70,14 @@ def test_bad_options_are_refused():
             fastibl.main_lights(cube, **options)
     with pytest.raises(TypeError, match="map must be CubeMap or Environment, got list"):
         fastibl.main_lights([1, 2])
+
+
+@pytest.mark.parametrize("degrees", [6, 12])
+def test_a_lights_solid_angle_is_that_of_its_cap(degrees):
+    towards = np.array([0.48, 0.6, 0.64])
+    faces = np.where(fastibl.texel_directions(128) @ towards > np.cos(np.radians(degrees)), 100.0, 1.0)
+    (light,) = fastibl.main_lights(fastibl.CubeMap(np.repeat(faces[..., None], 3, axis=-1)))
+    true = 2 * np.pi * (1 - np.cos(np.radians(degrees)))
+    print(f"{light.solid_angle:.4f} sr of {true:.4f}, angular radius {np.degrees(light.angular_radius):.2f} degrees")
+    assert light.solid_angle == pytest.approx(true, rel=0.05)
+    assert np.degrees(light.angular_radius) == pytest.approx(degrees, rel=0.05)

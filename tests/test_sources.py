@@ -524,7 +524,8 @@ def test_a_folders_pictures_are_the_sensors(tmp_path):
     for k in (1, 3, 6):
         (tmp_path / f"{k}.jpg").write_bytes(held(jpeg.tobytes(), k))
     expected = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)[..., ::-1]
-    assert all(np.array_equal(f.back, expected) for f in sources.FolderSource(RIG, tmp_path))
+    read = list(sources.FolderSource(RIG, tmp_path))
+    assert len(read) == 3 and all(np.array_equal(f.back, expected) for f in read)
 
 
 def test_a_folders_pictures_keep_their_bits(tmp_path):

@@ -84,6 +84,16 @@ def test_texels_that_count():
     counts, unclipped = truth.texels_that_count(recording, last_seen)
     assert not counts[0].any() and not counts[1].any() and not counts[2].any() and counts[3:].all()
     assert not (unclipped & ~counts).any() and unclipped[3:].mean() > 0.9
+    everywhere = np.full((6, 16, 16), recording.times[-1])
+    counts, unclipped = truth.texels_that_count(recording, everywhere)
+    faces = np.array(recording.truth.environment(recording.times[-1]).faces)
+    lamp = np.unravel_index(faces.max(axis=-1).argmax(), faces.shape[:3])
+    darkest = min(f.front_exposure for f in recording) * recording.rig.front.gain
+    assert counts.all() and unclipped[lamp] == (faces[lamp].max() * darkest < 0.95)
+    faces[lamp] = 2 / darkest
+    recording.truth.maps = [(0.0, fastibl.CubeMap(faces))]
+    unclipped[lamp] = False
+    np.testing.assert_array_equal(truth.texels_that_count(recording, everywhere)[1], unclipped)
 
 
 def test_pbr_surface_reads_textures_between_texels():

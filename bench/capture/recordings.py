@@ -53,8 +53,9 @@ def recorded(place: str, **options) -> fastibl.Recording:
     path = {ROOM: None, LIT_ROOM: None, FRESH: inputs.SUN_MAP}.get(place, inputs.MAPS.get(place))
     named = {name: getattr(value, "__qualname__", value) for name, value in options.items()}
     parts = hashlib.sha256(repr((place, fastibl.__version__, sorted(named.items()))).encode())
-    given = [Path(inspect.getfile(value)) for value in options.values() if inspect.isfunction(value)]
-    for source in (*_SOURCES, *given, *([path] if path else [])):
+    given = [value if inspect.isfunction(value) else type(value) for value in options.values() if callable(value)]
+    code = [Path(inspect.getfile(each)) for each in (*given, recorded)]
+    for source in (*_SOURCES, *code, *([path] if path else [])):
         parts.update(source.read_bytes())
     folder = CACHE / f"recording-{parts.hexdigest()[:20]}"
     if not folder.is_dir():

@@ -222,8 +222,9 @@ def leave_and_return() -> tuple[int, int]:
             if away:
                 continue
             waiting += 1
+            late = max(late, waiting)
             if tracked is not None:
-                late, waiting = max(late, waiting), 0
+                waiting = 0
     return late, old
 
 

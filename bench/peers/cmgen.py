@@ -85,7 +85,7 @@ def harmonics() -> list[Row]:
             for name, cube in zip(cubes, maps, strict=True)
         }
         # "mip" makes nothing besides: the default would find lights and filter the map for lobes, too.
-        time = measure(lambda cube, m=method: fastibl.Lighting(cube, diffuse=m, glossy="mip"), maps, 9)
+        time = measure(lambda cube, m=method: fastibl.Lighting(cube, diffuse=m, glossy="mip"), maps, 9).of_cpu
         setting = "cube to light" if method.name == "sh9" else "size=32, source=32, cube to light"
         out += over_maps(f"fastibl {method.name}", metric, errors, time, setting)
     return out
@@ -104,7 +104,7 @@ def ggx() -> list[Row]:
             return lighting.prefiltered(SIZE, LEVELS, mapping="filament", error=error)
 
         ours[setting] = [prefilter(lighting) for lighting in lightings]
-        times[setting] = measure(prefilter, lightings, len(lightings), warm=0)
+        times[setting] = measure(prefilter, lightings, len(lightings), warm=0).of_cpu
     out = []
     for k in range(1, LEVELS):
         roughness = 1 - np.sqrt(1 - k / (LEVELS - 1))  # lodToPerceptualRoughness

@@ -54,5 +54,5 @@ def light_probe() -> list[Row]:
         name: nmae(fastibl.Lighting(cube, diffuse="sh9").irradiance(brute.normals()), brute.irradiance()[name])
         for name, cube in maps.items()
     }
-    time = measure(lambda cube: fastibl.Lighting(cube, diffuse="sh9", glossy="mip"), list(maps.values()), 9)
+    time = measure(lambda cube: fastibl.Lighting(cube, diffuse="sh9", glossy="mip"), list(maps.values()), 9).of_cpu
     return out + over_maps("fastibl sh9", metric, errors, time)

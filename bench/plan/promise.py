@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 import fastibl
 
-from ..goals import Goal, percent, row
+from .. import inputs
+from ..goals import Goal, largest, percent, row, skipped
 from . import cases, render, truth
 from .cases import Case, Errors
 
@@ -111,19 +112,22 @@ def results(quick: bool = QUICK) -> list[Kept]:
 
 
 def _share(values: Sequence[bool] | NDArray) -> float:
-    return float(np.mean(values)) if len(values) else 1.0
+    """Of none, none: a promise that is never made is not kept."""
+    return float(np.mean(values)) if len(values) else 0.0
 
 
 def _held(found: Sequence[Kept]) -> str:
+    if not found:
+        return "none"
     return (
         f"{percent(_share([k.errors.whole <= k.budget for k in found]))} of {len(found)} within, "
-        f"worst {max((k.errors.whole / k.budget for k in found), default=0):.2f} of the budget"
+        f"worst {largest(k.errors.whole / k.budget for k in found):.2f} of the budget"
     )
 
 
 def _promise(what: str, every: Sequence[Kept]) -> Goal:
     said = [k for k in every if k.said]
-    worst = max((k.errors.whole / k.budget for k in said), default=0.0)
+    worst = largest(k.errors.whole / k.budget for k in said) if said else 0.0
     within = _share([k.errors.whole <= k.budget for k in said])
     unseen = [k for k in said if not k.case.tuned]
     notes = [
@@ -137,7 +141,7 @@ def _promise(what: str, every: Sequence[Kept]) -> Goal:
         f"plan keeps its promise where it says it can: {what}",
         _held(said),
         f"within in {percent(WITHIN)}, never beyond 2x",
-        within >= WITHIN and worst <= 2,
+        bool(said) and within >= WITHIN and worst <= 2,
         tuple(notes),
     )
 
@@ -161,6 +165,9 @@ def _said(what: str, every: Sequence[Kept], judged: bool) -> Goal:
 
 @row("plan", "promise")
 def promise() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("plan keeps its promise", inputs.NO_MAPS)
+        return
     every = results()
     for kind in KINDS:
         yield _promise(kind.name, [k for k in every if k.kind == kind])
@@ -192,6 +199,9 @@ def promise() -> Iterator[Goal]:
 
 @row("plan", "predicted error")
 def predicted() -> Iterator[Goal]:
+    if not inputs.MAPS:
+        yield skipped("expected error against measured", inputs.NO_MAPS)
+        return
     every = {(k.case, k.expected, k.errors.whole): k for k in results()}.values()
     ratio = np.array([k.errors.whole / max(k.expected, 1e-9) for k in every])
     unseen = np.array([not k.case.tuned for k in every])

@@ -37,8 +37,10 @@ def _used_in_tests() -> set[str]:
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Attribute):
                 used.add(node.attr)
-            elif isinstance(node, ast.Name):
-                used.add(node.id)
+            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                used.add(node.func.id)
+            elif isinstance(node, ast.keyword) and node.arg:
+                used.add(node.arg)
             elif isinstance(node, ast.ImportFrom):
                 used |= {alias.name for alias in node.names}
             elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():

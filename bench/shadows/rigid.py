@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import fastibl
 
 from .. import inputs, measure
-from ..goals import Goal, row, skipped
+from ..goals import Goal, largest, row, skipped
 from ..light.speed import cpu_times
 from . import truth
 
@@ -209,7 +209,7 @@ def steadiness() -> Iterator[Goal]:
     if _missing():
         yield skipped("rigid path, flicker", _missing())
         return
-    rms, worst, count = 0.0, 0.0, 0
+    squares, most, count = [], [], 0
     mesh = truth.meshes()["spot"]
     for light in truth.lights(128).values():
         shadow = fresh("spot", truth.POINTS)
@@ -223,9 +223,11 @@ def steadiness() -> Iterator[Goal]:
             now = shadow.cast(cube, follow=True).image, exact.cast(cube, follow=True).image
             if before is not None:
                 off = (now[0] - before[0]) - (now[1] - before[1])
-                rms, worst = max(rms, float(np.sqrt((off**2).mean()))), max(worst, float(np.abs(off).max()))
+                squares.append(np.sqrt((off**2).mean()))
+                most.append(np.abs(off).max())
             before = now
         count += 1
+    rms, worst = largest(squares), largest(most)
     yield Goal(
         "rigid path, flicker: error of the change under a 2 % change of the light, RMS / max",
         f"{rms:.5f} / {worst:.4f}",

@@ -47,7 +47,9 @@ first pictures show, or those of some time: what the board's white says was used
           },
           "Factor on the exposure, per channel: as given, unless it was corrected.")
       .def_readonly("deviation", &Taken::deviation,
-                    "Standard deviation of ln(exposure) where the exposure rests on the map.")
+                    "Standard deviation of ln(exposure), relative to the map, where the exposure "
+                    "rests on it. "
+                    "The map's own scale drifts from picture to picture by as much.")
       .def_readonly("flicker", &Taken::flicker,
                     "Relative standard deviation of the light between pictures of this exposure, "
                     "where the picture was averaged; else 0.")

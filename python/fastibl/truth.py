@@ -1,6 +1,7 @@
 """The picture that a perfect system would make: a recording's true pose and map, visibility by rays, sums over the map.
 
-It shares only the mesh and its ray queries with the fast path; light, shadow and coverage are computed independently.
+It shares only the mesh and its ray queries with the fast path, and GGX's directional albedo, which is compared with a
+quadrature; light, shadow and coverage are computed independently.
 """
 
 from __future__ import annotations

@@ -139,11 +139,14 @@ def _light(name: str, method: str) -> Outcome:
 def _sun(radiance: float, texels: int) -> Outcome:
     from ..reference import shadow_ratio as truth
 
-    cube = CubeMap(sun(radiance, texels, size=16))
-    points = _points()[::3]
+    cube = CubeMap(sun(radiance, texels, size=128))
+    axis = np.linspace(-0.125, 0.125, 17)  # where its shadow falls
+    points = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     true = truth(cube, [_USUAL], points)
-    error = float(np.sqrt(((shadow_ratio(cube, [_USUAL], points) - true) ** 2).mean()))
-    return Outcome(error <= 0.02, f"{error:.4f} RMS")
+    error, shadow = (
+        float(np.sqrt(((ratio - true) ** 2).mean())) for ratio in (shadow_ratio(cube, [_USUAL], points), 1.0)
+    )
+    return Outcome(error <= 0.02 and shadow > 0.1, f"{error:.4f} RMS of a shadow of {shadow:.2f}")
 
 
 def _point(points, expected: float) -> Outcome:
