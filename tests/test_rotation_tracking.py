@@ -73,6 +73,20 @@ def test_session_follows_the_surroundings(film):
     assert turned_after_loss >= 30 and np.median(errors) < 0.2 and max(errors) < 0.5
 
 
+def test_the_velocity_leads_to_the_next_rotation(film):
+    """0.9 radians a second about the plane's normal, after a rise."""
+    session = fastibl.Session(scene(), film.rig, film.board, size=64)
+    turned = [(frame.time, result.turned) for frame in film if (result := session.process(frame)).turned]
+    late = [(time, t) for time, t in turned if time > 1.5]
+    assert len(late) > 20
+    for (before, first), (after, second) in zip(late, late[1:], strict=False):
+        step = fastibl.Pose.from_rotation_vector((after - before) * np.asarray(first.velocity), [0, 0, 0])
+        assert angle(first.back_from_marker @ step, second.back_from_marker) < 0.4
+    speed = np.median([t.velocity for _, t in late], axis=0)
+    print(f"velocity {speed}")
+    np.testing.assert_allclose(np.abs(speed), (0, 0, 0.9), atol=0.05)
+
+
 def test_cameras_that_tell_no_exposure():
     """With the exposures that their last pictures were taken into the map with, where they are steady."""
     options = {"seconds": 3, "fps": 20, "size": SIZE, "hand": False, "lamp": False, "path": turning}

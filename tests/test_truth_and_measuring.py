@@ -192,3 +192,26 @@ def test_the_reference_knows_mirrors_and_refuses_what_it_cannot_do(marked):
             reference.directional_albedo(0.5, wrong)
     with pytest.raises(ValueError, match=r"spheres \(m, 4\), got \(2, 2\)"):
         reference.shadow_ratio(marked, np.zeros((2, 2)), [[0, 0]])
+
+
+def test_the_light_that_a_wholly_dark_plane_keeps_away(renderer, white, monkeypatch):
+    """From just above it, that of half the sphere; from its other side, none."""
+    monkeypatch.setattr(renderer, "plane_ratio", lambda source: np.zeros((renderer.grid, renderer.grid, 3)))
+    points = np.array([[0.0, 0.0, 0.005], [0.0, 0.0, 0.005]])
+    open_ = np.zeros((2, len(renderer.directions) // 8), np.uint8)
+    lost = renderer.lost_below(white, points, np.array([[0.0, 0, -1], [0, 0, 1]]), open_)
+    np.testing.assert_allclose(lost, np.pi * np.array([[1] * 3, [0] * 3]), rtol=0.02, atol=1e-12)
+
+
+def test_what_a_dielectric_reflects_and_lets_out():
+    glass = fastibl.Material.pbr((0.5, 0.5, 0.5), 0.0, 0.5)
+    np.testing.assert_allclose(truth.dielectric_of(glass), 0.04, rtol=1e-6)  # of an index of 1.5
+    smooth, dull = truth.transmitted(np.array([1.0, 0.5]), np.array([0.0, 0.0]), glass)
+    assert smooth == pytest.approx(0.96) and dull == pytest.approx(1 - 0.04 * 0.5 * (1 + 0.04))
+
+
+def test_the_head_of_a_file_of_rows(tmp_path):
+    path = measuring.write_rows(str(tmp_path / "rows.json"), [measuring.row("sh9", "a map")], {"command": "a"})
+    head = measuring.read_head(str(path))
+    assert head["command"] == "a" and head["yardstick_seconds"] > 0 and "rows" not in head
+    assert [r.method for r in measuring.read_rows(str(path))] == ["sh9"]

@@ -911,7 +911,7 @@ class Taken:
     @property
     def deviation(self) -> float:
         """
-        Standard deviation of ln(exposure) where the exposure rests on the map.
+        Standard deviation of ln(exposure), relative to the map, where the exposure rests on it. The map's own scale drifts from picture to picture by as much.
         """
     @property
     def exposure(self) -> float:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from numbers import Real
 from typing import Any, SupportsIndex, TypeVar
 
+from ._fastibl import Rig
+
 _T = TypeVar("_T")
 
 _NAMES = {Real: "a number", SupportsIndex: "a whole number", type(None): "None"}
@@ -44,3 +46,10 @@ def expect(value: Any, kinds: type | tuple[type, ...], what: str, hint: str = ""
     kinds = kinds if isinstance(kinds, tuple) else (kinds,)
     if not isinstance(value, kinds):
         raise TypeError(wrong_type(value, kinds, what, hint))
+
+
+def expect_source(value: Any) -> None:
+    """Raises TypeError unless `value` gives frames and has the rig they come from, as sources and recordings do."""
+    if not (hasattr(value, "__iter__") and isinstance(getattr(value, "rig", None), Rig)):
+        got = "None" if value is None else type(value).__name__
+        raise TypeError(f"source must be a Source, got {got}: fastibl.Recording(path) is one of a folder")

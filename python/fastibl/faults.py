@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .calibration_files import CAMERAS
+from .expected import expect_source
 from .recording import Frame
-from .sources import close, expect_source
+from .sources import close
 
 # By name: how many pictures in a row one event lasts, at least and at most.
 KINDS: dict[str, tuple[int, int]] = {

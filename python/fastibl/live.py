@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from ._fastibl import FrameResult
 from .calibration_files import CAMERAS
-from .expected import expect
+from .expected import expect, expect_source
 from .recording import Frame
 from .session import Session
-from .sources import expect_source
 
 _ROWS = 61  # step between the rows that are compared first
 _NOISY = 0.01  # share of a picture's values, at least, that are neither black nor white where noise is to be seen

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ._fastibl import Rig
 from .camera_files import HDR_ADVICE, FilmTimes, hdr_curve, open_film, read_pixels
-from .expected import expect, wrong_type
+from .expected import expect, expect_source
 from .live_camera import LiveCamera, Shot
 from .recording import CAMERAS, Frame, RecordingWarning, warn_of_primaries
 
@@ -41,12 +41,6 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Ends what runs in the background."""
-
-
-def expect_source(value: Any) -> None:
-    """Raises TypeError unless `value` gives frames and has the rig they come from, as sources and recordings do."""
-    if not (hasattr(value, "__iter__") and isinstance(getattr(value, "rig", None), Rig)):
-        raise TypeError(wrong_type(value, (Source,), "source", "fastibl.Recording(path) is one of a folder"))
 
 
 class _Closing:
