@@ -230,6 +230,21 @@ def test_fast_math_of_the_project_around(fast, clang, tmp_path):
     assert "__FINITE_MATH_ONLY__ 0" in ours and "__FAST_MATH__" not in ours
 
 
+def test_instructions_of_the_project_around(tmp_path):
+    """-march=native, or conda's nocona: loops are compiled for several processors, into which GCC inlines nothing that
+    has more instructions. A unity build puts files together whose helpers have the same names."""
+    flags = "-march=haswell -fno-inline" if platform.machine() == "x86_64" else "-fno-inline"
+    options = (f"-DCMAKE_CXX_FLAGS={flags}", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_BUILD_TYPE=Release")
+    configure(CONSUMER, tmp_path, f"-DFASTIBL_SOURCE={ROOT}", *CORE_ONLY, *options)
+    rules = (tmp_path / "build.ninja").read_text()
+    places = {name: re.search(rf"build (\S*/{name}\.cpp\.o):", rules)[1] for name in ("harmonic_sums", "light_sums")}
+    run("cmake", "--build", tmp_path, "--target", *places.values())
+    (tmp_path / "clones.cpp").write_text('#include "fastibl/core/simd.h"\nFASTIBL_CLONES void f() {}\n')
+    if platform.machine() == "x86_64":
+        for option in ("-maes", "-mavx512f", "-mpclmul"):  # which -march= does not take back
+            assert "target_clones" not in run("g++", "-O2", option, "-E", f"-I{ROOT / 'cpp'}", tmp_path / "clones.cpp")
+
+
 def test_glm_of_the_project_around(tmp_path):
     """A project that has GLM and Threads already, and finds fastibl's targets in a folder beside."""
     (tmp_path / "app").mkdir()

@@ -583,6 +583,28 @@ TEST_CASE("while the caller captures vertices: same picture, and it goes on capt
   CHECK(glGetError() == GL_NO_ERROR);
 }
 
+TEST_CASE("a program that is in use and marked for deletion: gone, and none is in its place") {
+  if (!have_egl()) return;
+  const Inputs in = inputs();
+  const GlContext context;
+  const GlContext::Current current(context);
+  const auto gl = make_gl_renderer(CurrentContext{});
+  const GLuint program = glCreateProgram();
+  for (const auto& [kind, text] :
+       {std::pair{GL_VERTEX_SHADER, "#version 300 es\nvoid main() { gl_Position = vec4(0); }"},
+        std::pair{GL_FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"}}) {
+    const GLuint shader = glCreateShader(GLenum(kind));
+    glShaderSource(shader, 1, &text, nullptr), glCompileShader(shader);
+    glAttachShader(program, shader);
+  }
+  glLinkProgram(program), glUseProgram(program), glDeleteProgram(program);
+  draw(*gl, in);
+  GLint used = -1;
+  glGetIntegerv(GL_CURRENT_PROGRAM, &used);
+  CHECK(used == 0);
+  CHECK(glGetError() == GL_NO_ERROR);
+}
+
 TEST_CASE("another context, or none: refused, and nothing of the other is deleted") {
   if (!have_egl()) return;
   const Inputs in = inputs();

@@ -14,12 +14,17 @@
 #include "fastibl/lighting/fit_lighting.h"
 #include "fastibl/render/make_scene.h"
 #include "fastibl/render/session.h"
+#include "fastibl/scene/board.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/equirect.h"
 #include "fastibl/scene/ggx.h"
 #include "fastibl/scene/glossy.h"
+#include "fastibl/scene/irradiance.h"
 #include "fastibl/scene/tag_codes.h"
 #include "fastibl/scene/texture.h"
+#include "fastibl/shading/composite.h"
+#include "fastibl/shadow/direction_shadow.h"
+#include "fastibl/shadow/mesh_shadow_light.h"
 #include "fastibl/shadow/sphere_shadow.h"
 #include "fastibl/tracking/edge_tracker.h"
 #include "fastibl/tracking/rotation_tracker.h"
@@ -440,4 +445,125 @@ TEST_CASE("a session that is moved goes on") {
     sessions.back() = std::move(moved);
     CHECK(sessions.back().process(frame).image == stays.process(frame).image);
   }
+}
+
+TEST_CASE("what was refused has changed nothing") {
+  const auto object = [](float size) {
+    Mesh mesh = tetrahedron().mesh;
+    for (glm::vec3& v : mesh.vertices) v *= size;
+    return std::make_shared<const ShadowTriangles>(mesh);
+  };
+  const auto first = object(1), second = object(3);
+  DirectionShadow shadow(64);
+  shadow.cast(*grey(), first, {});
+  CHECK_THROWS_AS(shadow.cast(CubeMap(), second, {}), std::invalid_argument);
+  CHECK(shadow.cast(*grey(), second, {})->ratio ==
+        DirectionShadow(64).cast(*grey(), second, {})->ratio);
+
+  const View view;
+  const std::vector<std::uint8_t> small(16 * 16 * 3, 100);
+  const Environment environment = environment_from(*grey());
+  const Pose pose = Pose::look_at({0.3, -0.4, 0.3}, {0, 0, 0});
+  const glm::dmat3 turn = rotation_from_vector({0, 0.17, 0});
+  RigPictures pictures, other;
+  pictures.back = view.frame.back, other.back = {small.data(), PixelType::uint8, 16, 16};
+  const auto turned = [&](bool refused) {
+    RotationTracker tracker(view.rig);
+    tracker.start(pose, 0, pictures);
+    if (refused) {
+      CHECK_THROWS_WITH_AS(tracker.track(environment, other, 0.1, turn),
+                           doctest::Contains("got 16 × 16"), std::invalid_argument);
+      CHECK_THROWS_AS(tracker.start(Pose(), 0.1, other), std::invalid_argument);
+    }
+    return tracker.track(environment, pictures, 0.1, turn);
+  };
+  REQUIRE(turned(false).has_value());
+  CHECK(*turned(true) == *turned(false));
+}
+
+TEST_CASE("a shadow's light that is asked for another object begins anew") {
+  std::vector<glm::vec3> texels(std::size_t{6} * 16 * 16, glm::vec3(1));
+  texels[100] = glm::vec3(1000);
+  const CubeMap sun(16, texels);
+  const auto bake = [](float size, int resolution) {
+    Mesh mesh = tetrahedron().mesh;
+    for (glm::vec3& v : mesh.vertices) v *= size;
+    MeshShadowOptions options;
+    options.resolution = resolution, options.rings = 4, options.extent = 0.5f;
+    return *MeshShadow::bake(mesh, options);
+  };
+  MeshShadowLight light;
+  for (const auto& [size, resolution] :
+       {std::pair{1.0f, 64}, {3.0f, 64}, {1.0f, 16}, {2.0f, 128}}) {
+    CAPTURE(size);
+    CAPTURE(resolution);
+    const MeshShadow shadow = bake(size, resolution);
+    CHECK(light.cast(shadow, sun).ratio == MeshShadowLight().cast(shadow, sun).ratio);
+  }
+}
+
+TEST_CASE("a composite of pictures and layers of other sizes") {
+  const View view;
+  const PixelTable table(view.rig.back);
+  const std::vector<std::uint8_t> large(80 * 60 * 3, 100);
+  const Picture other{large.data(), PixelType::uint8, 80, 60};
+  const auto composed = [&](const Picture& picture, const ObjectLayer& object,
+                            const ObjectLayer& holdout) {
+    return composite(picture, 1, table, Pose(), object, ShadowLookUp(ShadowMap()), holdout);
+  };
+  CHECK_THROWS_WITH_AS(composed(other, {}, {}), doctest::Contains("64 × 48, got 80 × 60"),
+                       std::invalid_argument);
+  ObjectLayer layer;
+  layer.rgba = Image<float>(10, 10, 4);
+  CHECK(composed(view.frame.back, layer, layer).width == 64);
+  for (const auto& [x, y] : {std::pair{-1, 0}, {0, 39}, {55, 0}, {1 << 30, 0}}) {
+    layer.x = x, layer.y = y;
+    CHECK_THROWS_WITH_AS(composed(view.frame.back, layer, {}), doctest::Contains("the object"),
+                         std::invalid_argument);
+    CHECK_THROWS_AS(composed(view.frame.back, {}, layer), std::invalid_argument);
+  }
+}
+
+TEST_CASE("light of a map that was written to since") {
+  const auto map = std::make_shared<CubeMap>(16);
+  const auto fill = [&](float value) {
+    for (int f = 0; f < 6; ++f)
+      for (int y = 0; y < 16; ++y)
+        for (int x = 0; x < 16; ++x) map->base().texel(f, x, y) = glm::vec3(value);
+    map->update();
+  };
+  LightingOptions options;
+  options.follows = true;
+  const glm::vec3 n(0, 0, 1);
+  fill(1);
+  const Lighting before = fit_lighting(map, options);
+  CHECK(fit_lighting(map, options, &before).chain == before.chain);
+  fill(3);
+  const Lighting after = fit_lighting(map, options, &before);
+  CHECK(evaluate_glossy(after, n, n, 64).x == doctest::Approx(3).epsilon(1e-4));
+  CHECK(evaluate(after.irradiance, n).x == doctest::Approx(3 * 3.14159265).epsilon(1e-4));
+}
+
+TEST_CASE("pictures that are stored from the lowest row up") {
+  // Nothing may be read behind the highest row, which is the last one here.
+  std::vector<float> pixels(16 * 8 * 3);
+  for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = float(i % 7);
+  std::vector<float> upright;
+  for (int y = 7; y >= 0; --y)
+    upright.insert(upright.end(), pixels.begin() + y * 48, pixels.begin() + (y + 1) * 48);
+  const ImageView<const float> flipped{pixels.data() + 7 * 48, 16, 8, 3, -48},
+      same{upright.data(), 16, 8, 3};
+  for (const EquirectFilter filter : {EquirectFilter::area, EquirectFilter::point})
+    CHECK(cubemap_from_equirect(flipped, 8, filter) == cubemap_from_equirect(same, 8, filter));
+}
+
+TEST_CASE("boards and irradiance that are none") {
+  CHECK_THROWS_WITH_AS(Board::grid(46341, 46341, 0.02, 0.005), doctest::Contains("at most 587"),
+                       std::invalid_argument);
+  CHECK(Board::grid(1, 587, 0.02, 0.005).tags.size() == 587);
+  Irradiance none;
+  none.method = DiffuseMethod::irradiance_cube;
+  const std::vector<glm::vec3> normals(9, glm::vec3(0, 0, 1));
+  std::vector<glm::vec3> out(9);
+  CHECK_THROWS_AS(evaluate(none, normals, out), std::invalid_argument);
 }

@@ -17,10 +17,9 @@ static_assert(kStrip % (1 << (FrameLevels::kMost - 1)) == 0);
 
 // Means of 2 × 2 pixels of four floats. False if the fourth is 0 everywhere.
 FASTIBL_CLONES bool halve_row(const float* a, const float* b, int count, float* out) {
-  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   Float4 most = {};
   for (int x = 0; x < count; ++x, a += 8, b += 8, out += 4) {
-    const Float8 &upper = at(a), &lower = at(b);
+    const Float8 &upper = floats_at<Float8>(a), &lower = floats_at<Float8>(b);
     const Float4 left = __builtin_shufflevector(upper, upper, 0, 1, 2, 3);
     const Float4 right = __builtin_shufflevector(upper, upper, 4, 5, 6, 7);
     const Float4 left_below = __builtin_shufflevector(lower, lower, 0, 1, 2, 3);

@@ -19,12 +19,12 @@ constexpr std::size_t kTilesAhead = 2;  // whose rows are prefetched while a til
 FASTIBL_CLONES void interleave(const float* const channels[3], int width, int height,
                                std::ptrdiff_t stride, float* __restrict map) {
   const float *r = channels[0], *g = channels[1], *b = channels[2];
-  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   for (int row = 0; row < height; ++row, map += stride) {
     float* out = map;
     int i = 0;
     for (; i + 8 <= width; i += 8, out += 24) {
-      const Float8 &x = at(r + i), &y = at(g + i), &z = at(b + i);
+      const Float8 &x = floats_at<Float8>(r + i), &y = floats_at<Float8>(g + i),
+                   &z = floats_at<Float8>(b + i);
       const Float8 p = __builtin_shufflevector(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
       const Float8 q = __builtin_shufflevector(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
       const Float8 s = __builtin_shufflevector(x, y, 13, 0, 6, 14, 0, 7, 15, 0);

@@ -265,21 +265,22 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
     for (int i = 0; i < n; ++i) seen[i] = ((i < count) & (last_seen[i] > -1e300)) ? 1.0f : 0.0f;
   else
     for (int i = 0; i < n; ++i) seen[i] = i < count ? 1.0f : 0.0f;
-  const auto at = [](const float* p) -> Float16 { return *reinterpret_cast<const Float16*>(p); };
   const auto add = [&](int which, const Float16& sum) {
     *reinterpret_cast<Float16*>(sums + which * kPartial) += sum;
   };
   Float16 counts = {}, angle = {}, below = {};
   for (int i = 0; i < n; i += kPartial) {
-    counts += at(seen + i);
-    angle += at(seen + i) * at(angles + i), below += at(seen + i) * at(projected + i);
+    counts += floats_at<Float16>(seen + i);
+    angle += floats_at<Float16>(seen + i) * floats_at<Float16>(angles + i),
+        below += floats_at<Float16>(seen + i) * floats_at<Float16>(projected + i);
   }
   add(kCount, counts), add(kAngle, angle), add(kProjected, below);
   for (int c = 0; c < 3; ++c) {
     Float16 plain = {}, flux = {}, irradiance = {};
     for (int i = 0; i < n; i += kPartial) {
-      const Float16 v = at(seen + i) * at(in.value[c] + i);
-      plain += v, flux += v * at(angles + i), irradiance += v * at(projected + i);
+      const Float16 v = floats_at<Float16>(seen + i) * floats_at<Float16>(in.value[c] + i);
+      plain += v, flux += v * floats_at<Float16>(angles + i),
+          irradiance += v * floats_at<Float16>(projected + i);
     }
     add(kValue + c, plain), add(kFlux + c, flux), add(kIrradiance + c, irradiance);
   }
@@ -289,9 +290,11 @@ FASTIBL_CLONES void sum_group(const Arrays& in, int count, float* __restrict sum
   for (int i = 0; i < n; ++i) seen[i] = bound[i] ? 1.0f : 0.0f;
   Float16 bound_angle = {}, bound_flux = {};
   for (int i = 0; i < n; i += kPartial) {
-    const Float16 part = at(seen + i) * at(angles + i);
+    const Float16 part = floats_at<Float16>(seen + i) * floats_at<Float16>(angles + i);
     bound_angle += part;
-    bound_flux += part * (at(in.value[0] + i) + at(in.value[1] + i) + at(in.value[2] + i));
+    bound_flux +=
+        part * (floats_at<Float16>(in.value[0] + i) + floats_at<Float16>(in.value[1] + i) +
+                floats_at<Float16>(in.value[2] + i));
   }
   add(kBoundAngle, bound_angle), add(kBoundFlux, bound_flux);
 }

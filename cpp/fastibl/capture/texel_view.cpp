@@ -149,14 +149,16 @@ FASTIBL_INLINE void find_tiles_by(const TexelView::Projection& p, const PictureB
   const float t20 = p.turn[2][0], t21 = p.turn[2][1], t22 = p.turn[2][2];
   const float s0 = p.shift[0], s1 = p.shift[1], s2 = p.shift[2], texel = p.pixels;
   const float offset = std::sqrt(s0 * s0 + s1 * s1 + s2 * s2);
-  const auto greater = [](const V& u, const V& v) -> V { return u > v ? u : v; };
-  const auto less = [](const V& u, const V& v) -> V { return u < v ? u : v; };
+  const auto greater = [](const V& u, const V& v) FASTIBL_INLINED -> V { return u > v ? u : v; };
+  const auto less = [](const V& u, const V& v) FASTIBL_INLINED -> V { return u < v ? u : v; };
   const V none = {};
   for (int i = 0; i < count; i += kFloatsIn<V>) {
     float any = 0;
     for (int k = i; k < i + kFloatsIn<V>; ++k) any += on_side[k];
     if (any == 0) continue;
-    const auto at = [i](const auto& values) -> V { return floats_at<V>(&values[std::size_t(i)]); };
+    const auto at = [i](const auto& values) FASTIBL_INLINED -> V {
+      return floats_at<V>(&values[std::size_t(i)]);
+    };
     V left = none - 1e30f, right = left, top = left, bottom = left, front = left, most = none;
     V nearest = none, farthest = none + 1e30f;
     for (int k = 0; k < 4; ++k) {

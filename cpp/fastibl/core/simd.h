@@ -5,15 +5,17 @@
 // must be local to its file: GCC shows the function that picks one to other libraries, whatever
 // -fvisibility says.
 //
-// Not used without optimization: a lambda that is not inlined is then compiled for plain x86-64,
-// where wide vectors are passed in other registers.
+// Not used without optimization: inline functions that are not inlined are then compiled for plain
+// x86-64. Nor where the whole is compiled for more than a version has: GCC inlines no function with
+// instructions that its caller lacks.
 #pragma once
 
 #include <cmath>
 #include <cstring>
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
-    defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__)
+    defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__) && !defined(__SANITIZE_THREAD__) && \
+    !defined(__AES__) && !defined(__PCLMUL__) && !defined(__AVX512F__) && !defined(__SHA__)
 #define FASTIBL_VERSIONS
 #endif
 
@@ -42,6 +44,9 @@ using Float16 [[gnu::vector_size(64), gnu::aligned(4)]] = float;
 // For short helpers of functions with FASTIBL_CLONES: inlined, they are compiled as their caller
 // is.
 #define FASTIBL_INLINE inline __attribute__((always_inline))
+// The same for a lambda that takes or returns wide vectors, behind its parameters: a call would pass
+// them in other registers than the caller's.
+#define FASTIBL_INLINED __attribute__((always_inline))
 
 // For templates whose argument V is one of these types: how many floats it holds, what its
 // comparisons give, and how it is read and written. (A template's argument loses the alignment.)

@@ -1,6 +1,8 @@
 #include "fastibl/lighting/fit_lighting.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <span>
 
 #include "fastibl/core/check.h"
 #include "fastibl/lighting/find_near_lights.h"
@@ -107,6 +109,11 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
                       const Lighting* previous) {
   check(radiance && radiance->size() > 0, "lighting needs a map");
   Lighting lighting;
+  const std::span<const std::uint64_t> versions = radiance->tile_versions();
+  lighting.versions.assign(versions.begin(), versions.end());
+  // Of a map that was written to since, nothing is as it was.
+  if (previous && previous->radiance == radiance && previous->versions != lighting.versions)
+    previous = nullptr;
   lighting.glossy =
       options.glossy == GlossyMethod::automatic ? GlossyMethod::centroid : options.glossy;
   check_settings(options.diffuse, options.diffuse_settings);

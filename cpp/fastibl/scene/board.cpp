@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <set>
 #include <utility>
 
@@ -52,6 +53,8 @@ Board Board::grid(int rows, int columns, double tag_size, double spacing, int bo
   check(spacing > 0 && std::isfinite(spacing),
         "the spacing must be positive and finite (metres), got ", spacing);
   check(border_bits == 1 || border_bits == 2, "border_bits must be 1 or 2, got ", border_bits);
+  check(std::int64_t{rows} * columns <= kFamilySize, "a board has at most ", kFamilySize,
+        " tags, got ", rows, " × ", columns);
   Board board;
   board.border_bits = border_bits;
   const double pitch = tag_size + spacing;

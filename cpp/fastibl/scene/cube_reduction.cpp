@@ -17,11 +17,13 @@ FASTIBL_CLONES void reduce_row(const float* upper, const float* lower, const flo
                                const float* lower_weights, int count, float* out) {
   const float *u = upper, *l = lower, *wu = upper_weights, *wl = lower_weights;
   int x = 0;
-  const auto at = [](const float* p) -> Float8 { return *reinterpret_cast<const Float8*>(p); };
   for (; x + 4 <= count; x += 4, u += 24, l += 24, wu += 24, wl += 24, out += 12) {
-    const Float8 a = at(u) * at(wu) + at(l) * at(wl);
-    const Float8 b = at(u + 8) * at(wu + 8) + at(l + 8) * at(wl + 8);
-    const Float8 c = at(u + 16) * at(wu + 16) + at(l + 16) * at(wl + 16);
+    const Float8 a =
+        floats_at<Float8>(u) * floats_at<Float8>(wu) + floats_at<Float8>(l) * floats_at<Float8>(wl);
+    const Float8 b = floats_at<Float8>(u + 8) * floats_at<Float8>(wu + 8) +
+                     floats_at<Float8>(l + 8) * floats_at<Float8>(wl + 8);
+    const Float8 c = floats_at<Float8>(u + 16) * floats_at<Float8>(wu + 16) +
+                     floats_at<Float8>(l + 16) * floats_at<Float8>(wl + 16);
     const Float8 left = __builtin_shufflevector(a, b, 0, 1, 2, 6, 7, 8, 12, 13);
     const Float8 some = __builtin_shufflevector(a, b, 3, 4, 5, 9, 10, 11, 15, 15);
     const Float8 right = __builtin_shufflevector(some, c, 0, 1, 2, 3, 4, 5, 6, 8);

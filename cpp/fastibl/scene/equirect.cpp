@@ -69,7 +69,7 @@ glm::dvec3 light_of(ImageView<const float> image) {
 // The picture with clean values: itself, or a copy.
 ImageView<const float> cleaned(ImageView<const float> image, Image<float>& copy,
                                CleaningStatistics& statistics) {
-  bool clean = true;
+  bool clean = image.stride() > 0;  // pixels are read as four floats, but for the last one's
   for (int y = 0; y < image.height && clean; ++y) clean = all_clean(image.row(y), 3 * image.width);
   if (clean) return image;
   copy = Image<float>(image.width, image.height, 3);

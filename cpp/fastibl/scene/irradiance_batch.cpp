@@ -81,6 +81,7 @@ void evaluate(const Irradiance& e, std::span<const glm::vec3> normals, std::span
       });
     }
     case DiffuseMethod::irradiance_cube: {
+      check(e.cube != nullptr, "the irradiance has no cube");
       const float* texels = &e.cube->texel(0, -1, -1).x;
       return by_blocks(normals, out, [&](const float* n, int count, float* to) {
         cube_block(n, count, texels, e.cube->size(), to);

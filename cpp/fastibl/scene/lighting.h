@@ -1,6 +1,7 @@
 // What shading needs to know of the light, and how it is read.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -20,6 +21,7 @@ struct Lighting {
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
   std::shared_ptr<const CubeMap> radiance;   // with the MIP levels that `mip` reads
+  std::vector<std::uint64_t> versions;       // CubeMap::tile_versions() of it as it was read
   std::shared_ptr<const GlossyChain> chain;  // what other methods read, with the lights
   glm::vec3 plane_irradiance{0};             // E(z), summed over the map
   std::optional<double> irradiance_error;    // relative, RMS, of `irradiance`; none: not

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/pixel_reader.h"
@@ -107,6 +108,14 @@ Rectangle around(const Rectangle& a, const ObjectLayer& object) {
   return {std::min(a.x0, b.x0), std::min(a.y0, b.y0), std::max(a.x1, b.x1), std::max(a.y1, b.y1)};
 }
 
+void check_within(const ObjectLayer& layer, const Camera& camera, const char* which) {
+  if (layer.rgba.empty()) return;
+  check(layer.x >= 0 && layer.y >= 0 && layer.rgba.width <= camera.width - layer.x &&
+            layer.rgba.height <= camera.height - layer.y && layer.rgba.channels == 4,
+        which, " must lie in the picture of ", camera.width, " × ", camera.height, ", got ",
+        layer.rgba.width, " × ", layer.rgba.height, " at ", layer.x, ", ", layer.y);
+}
+
 // A row of a layer; columns count from x0.
 struct LayerRow {
   LayerRow(const ObjectLayer& layer, int x0, int y) {
@@ -204,6 +213,11 @@ void composite(const Picture& back, double exposure, const PixelTable& table,
                const Pose& camera_from_marker, const ObjectLayer& object,
                const ShadowLookUp& shadow, const ObjectLayer& holdout, Image<std::uint8_t>& out) {
   const Camera& camera = table.camera;
+  check(back.empty() || (back.width == camera.width && back.height == camera.height),
+        "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
+        back.width, " × ", back.height);
+  check_within(object, camera, "the object");
+  check_within(holdout, camera, "the holdout");
   const bool bytes = back.empty() || back.type == PixelType::uint8;
   const PixelReader pixels(back, camera.response, table.response);
   if (back.empty())

@@ -451,6 +451,7 @@ std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
                                                        const ShadowOptions& options,
                                                        const NearLights& near_lights) {
   check_options(options);  // before anything is replaced
+  check(radiance.size() > 0, "the radiance map is empty");
   const bool moved = mesh_ || spheres != spheres_;
   mesh_ = nullptr;
   return cast_again(radiance, moved, spheres, options, near_lights);
@@ -462,6 +463,7 @@ std::shared_ptr<const ShadowMap> DirectionShadow::cast(const CubeMap& radiance,
                                                        const NearLights& near_lights) {
   check(mesh != nullptr, "expected a mesh, got none");
   check_options(options);
+  check(radiance.size() > 0, "the radiance map is empty");
   const bool moved = mesh != mesh_;
   mesh_ = std::move(mesh);
   return cast_again(radiance, moved, moved ? corners_of(*mesh_) : spheres_, options, near_lights);

@@ -1,7 +1,9 @@
 #include "fastibl/shadow/mesh_shadow.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include "fastibl/core/check.h"
@@ -40,6 +42,8 @@ MeshShadow::MeshShadow(const Mesh& mesh, const MeshShadowOptions& options)
   const Bounds box = bounds(surface.vertices);
   const glm::vec3 size = box.upper - box.lower;
   size_ = std::max({size.x, size.y, size.z});
+  static std::atomic<std::uint64_t> last{0};
+  number_ = ++last;
   inner_.size = options.resolution;
   inner_.centre = glm::vec2(box.centre());
   inner_.extent = options.extent > 0 ? options.extent : size_ > 0 ? 1.5f * size_ : 1.0f;

@@ -2,6 +2,7 @@
 // Its shadow under any light is then a sum of products, see shadow/mesh_shadow_light.h.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "fastibl/core/plane_motion.h"
@@ -53,6 +54,8 @@ class MeshShadow {
   const ShadowTriangles& outer_triangles() const {
     return outer_triangles_.empty() ? triangles_ : outer_triangles_;
   }
+  // The same for copies, and for no other bake.
+  std::uint64_t number() const { return number_; }
   std::size_t bytes() const { return tables_.inner.bytes() + tables_.outer.bytes(); }
 
   // How the object was moved along the plane; nothing where it was tilted or lifted, which needs
@@ -69,6 +72,7 @@ class MeshShadow {
   ShadowTriangles triangles_, outer_triangles_;  // empty: no others
   Tables tables_;
   float size_ = 0;  // largest extent
+  std::uint64_t number_ = 0;
 };
 
 }  // namespace fastibl

@@ -368,6 +368,8 @@ ShadowMap MeshShadowLight::cast(const MeshShadow& shadow, const CubeMap& radianc
         "expected an object that stands as its shadow was baked, got one tilted",
         " or lifted off the plane");
   check(radiance.size() > 0, "the radiance map is empty");
+  if (shadow_ != shadow.number())
+    *this = MeshShadowLight(options_, fine_), shadow_ = shadow.number();
   update(radiance);
   place_lights(near_lights, *motion);
   draw(shadow);

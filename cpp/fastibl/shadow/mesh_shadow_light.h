@@ -5,6 +5,7 @@
 // 0.25 ms for a change of the light at 128²; see bench/shadows/rigid.py.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "fastibl/scene/cube_map.h"
@@ -16,7 +17,7 @@
 namespace fastibl {
 
 // Keeps, for one object, from one light to the next: where the directions of its light are, and
-// what they hide.
+// what they hide. For another object it begins anew.
 class MeshShadowLight {
  public:
   // fine: texels along an edge of a map for a compact light alone, a sun or lamp of a few degrees
@@ -77,6 +78,7 @@ class MeshShadowLight {
   std::vector<glm::vec4> share_out(const MeshShadow& shadow, bool& no_light);
 
   SkySplitOptions options_;
+  std::uint64_t shadow_ = 0;  // MeshShadow::number() of the object
   Set now_;
   std::optional<Set> before_;  // while the directions are faded
   float fade_ = 1;             // of now_

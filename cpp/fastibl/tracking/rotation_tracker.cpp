@@ -122,6 +122,7 @@ void RotationTracker::set_surface(const MapSurface& surface) {
 }
 
 Agreement RotationTracker::compare(const Pose& back_from_marker, const RigPictures& pictures) {
+  check_pictures(pictures);
   AlignmentOptions options = options_.alignment;
   options.coarsest = options.rounds = 0;
   options.note = false;
@@ -155,6 +156,7 @@ void RotationTracker::start(const Pose& back_from_marker, double time, const Rig
         "time must not run backwards: ", time, " s after ", state_ ? state_->time : 0, " s");
   check(variance >= 0 && std::isfinite(variance), "a variance must be 0 or more and finite, got ",
         variance);
+  check_pictures(pictures);
   const glm::dmat3 known(kKnown * kKnown);
   if (state_ && time - state_->time <= kLongestStep) {
     state_ = predicted(time, {}, 0);
@@ -213,6 +215,21 @@ void RotationTracker::add_features(const std::vector<MapView>& views) {
               float(last_drift_), features_.dark());
 }
 
+void RotationTracker::check_pictures(const RigPictures& pictures) const {
+  const auto check_of = [](const Picture& picture, const Camera& camera, double exposure) {
+    check(picture.width == camera.width && picture.height == camera.height,
+          "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
+          picture.width, " × ", picture.height);
+    check_picture(picture);
+    check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
+          exposure);
+  };
+  if (!pictures.back.empty()) check_of(pictures.back, rig_.back, pictures.back_exposure);
+  if (pictures.front.empty()) return;
+  check(rig_.front.has_value(), "a front picture came, but the rig has no front camera");
+  check_of(pictures.front, *rig_.front, pictures.front_exposure);
+}
+
 // state: at the time of the pictures, for rolling shutters.
 std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const State* state,
                                             const Pose& back_from_marker) {
@@ -227,12 +244,6 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
   const bool ready = pictures.number != 0 && pictures.number == lit_;
   const auto add = [&](const Picture& picture, const Camera& camera, const Lens& lens,
                        LightPyramid& light, const Pose& camera_from_rig, double exposure) {
-    check(picture.width == camera.width && picture.height == camera.height,
-          "the picture must be the camera's ", camera.width, " × ", camera.height, ", got ",
-          picture.width, " × ", picture.height);
-    check_picture(picture);
-    check(exposure > 0 && std::isfinite(exposure), "an exposure must be positive and finite, got ",
-          exposure);
     if (!ready) light.make(picture, camera.response);
     views.push_back({&light, &camera, &lens, camera_from_rig.rotation, exposure,
                      camera.readout * velocity, camera.readout * velocity_by_w, surface_,
@@ -241,7 +252,6 @@ std::vector<MapView> RotationTracker::views(const RigPictures& pictures, const S
   if (!pictures.back.empty())
     add(pictures.back, rig_.back, back_lens_, back_light_, Pose{}, pictures.back_exposure);
   if (!pictures.front.empty()) {
-    check(rig_.front.has_value(), "a front picture came, but the rig has no front camera");
     add(pictures.front, *rig_.front, *front_lens_, front_light_, rig_.front_from_back,
         pictures.front_exposure);
   }
@@ -313,6 +323,7 @@ std::optional<Turned> RotationTracker::track(const Environment& environment,
   check(!turn || is_rotation(*turn, 1e-3), "the turn must be a finite rotation");
   check(environment.radiance.size() > 0, "the environment has no map");
   environment.validate();
+  check_pictures(pictures);
   if (!state_) return std::nullopt;
   place_ += glm::dmat3(options_.wander * options_.wander * (time - state_->time));
   state_ = predicted(time, turn, turn_variance);

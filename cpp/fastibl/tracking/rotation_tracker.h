@@ -118,6 +118,8 @@ class RotationTracker {
   };
   State predicted(double time, const std::optional<glm::dmat3>& turn, double variance) const;
   static void correct(State& state, const glm::dmat3& rotation, const glm::dmat3& covariance);
+  // Before anything is changed: throws std::invalid_argument for pictures of other sizes.
+  void check_pictures(const RigPictures& pictures) const;
   std::vector<MapView> views(const RigPictures& pictures, const State* state,
                              const Pose& back_from_marker);
   void add_features(const std::vector<MapView>& views);

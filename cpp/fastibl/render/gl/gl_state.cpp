@@ -158,7 +158,8 @@ SavedState::~SavedState() {
   }
   glDepthMask(depth_mask_);
   glDepthFunc(GLenum(depth_function_));
-  glUseProgram(GLuint(program_));
+  // One that is marked for deletion is gone once another is used.
+  glUseProgram(glIsProgram(GLuint(program_)) ? GLuint(program_) : 0);
   if (captures_) glResumeTransformFeedback();
   glBindVertexArray(GLuint(vertex_array_));
   glBindBuffer(GL_ARRAY_BUFFER, GLuint(array_buffer_));
