@@ -5,7 +5,7 @@ import pytest
 import test_gl
 
 import fastibl
-from conftest import units
+from conftest import same_error, units
 from fastibl import reference
 
 LOBES = [
@@ -206,3 +206,41 @@ def test_an_exponent_that_does_not_broadcast_is_named():
     lighting = fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3))))
     with pytest.raises(ValueError, match=r"exponent must be a number or broadcast to \(4,\), got shape \(3,\)"):
         lighting.glossy(np.ones((4, 3)), np.ones((4, 3)), np.ones(3))
+
+
+@pytest.mark.parametrize("size", [1, 8, 32, 128])
+@pytest.mark.parametrize("exponent", [1, 64, 255, 2048, 1e5, 1e6])
+def test_the_oracle_resolves_every_lobe_in_every_map(size, exponent):
+    """In even light, Eq. 3 gives the lobe's directional albedo."""
+    views = [[np.sin(a), 0, np.cos(a)] for a in np.radians([0.1, 40, 75, 85])]
+    up = [[0.0, 0, 1]] * 4
+    found = reference.glossy(np.ones((6, size, size, 3)), up, views, exponent, "paper")[:, 0]
+    true = reference.directional_albedo([v[2] for v in views], exponent)
+    assert np.abs(found / true - 1).max() < 5e-4
+    faces = np.random.default_rng(size).uniform(0.5, 2, (6, size, size, 3))
+    energy = reference.glossy(faces, up, views, exponent)
+    assert (energy > 0.5).all() and (energy < 2).all()
+
+
+def test_the_oracle_refuses_what_is_no_map_or_surface():
+    up = [[0.0, 0, 1]]
+    for wrong in (
+        "room.hdr",
+        3.0,
+        np.ones((3, 3)),
+        np.ones((6, 4, 8, 3)),
+        np.ones((6, 8, 8, 1)),
+        np.ones((6, 0, 0, 3)),
+    ):
+        same_error(lambda wrong=wrong: reference.irradiance(wrong, up), ValueError, "(6, n, n, 3)", "got")
+    broken = np.ones((6, 4, 4, 3))
+    broken[1, 2, 3] = np.nan
+    same_error(lambda: reference.irradiance(broken, up), ValueError, "finite")
+    even = np.ones((6, 4, 4, 3))
+    for options in ({"roughness": -1}, {"roughness": np.nan}, {"anisotropy": 2}, {"alpha": (0, 0)}):
+        with pytest.raises(ValueError):
+            reference.ggx(even, up, up, **options)
+    assert reference.directional_albedo(2.0, 8) == reference.directional_albedo(1.0, 8)
+    same_error(lambda: reference.shadow_ratio(even, np.zeros((0, 4)), np.ones((2, 3))), ValueError, "(..., 2)")
+    two = np.concatenate([even, 2 * even], axis=-1)
+    assert reference.shadow_ratio(two, [[0, 0, 0.2, 0.1]], [[0.0, 0.0]]).shape == (1, 6)

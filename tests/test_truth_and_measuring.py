@@ -1,5 +1,7 @@
 """What judges the library, judged by cases whose answer is known: the true renderer, the timer, rows."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -215,3 +217,56 @@ def test_the_head_of_a_file_of_rows(tmp_path):
     head = measuring.read_head(str(path))
     assert head["command"] == "a" and head["yardstick_seconds"] > 0 and "rows" not in head
     assert [r.method for r in measuring.read_rows(str(path))] == ["sh9"]
+
+
+@pytest.mark.parametrize("fx, fy", [(80, 80), (80, 120), (120, 80)])
+def test_vignetting_of_pixels_that_are_not_square(white, fx, fy):
+    """An object that shines: its layer in the picture is exposure, gain and vignetting alone."""
+    camera = fastibl.Camera(64, 48, fx, fy, 30, 25, vignetting=(-0.5,))
+    pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1.0]]))
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), fastibl.Material((0,) * 3, emission=(0.5,) * 3))
+    true = truth.TrueRenderer(scene, grid=8, bounce=False).render(
+        np.zeros((48, 64, 3), np.uint8), 1.0, camera, pose, white
+    )
+    y, x = np.nonzero(true.coverage > 0.999)
+    radius = ((x + 0.5 - 30) / fx) ** 2 + ((y + 0.5 - 25) / fy) ** 2
+    assert len(x) > 100
+    np.testing.assert_allclose(true.linear[y, x, 0], 0.5 * (1 - 0.5 * radius), rtol=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [2e4, 1e6, np.inf])
+def test_sharp_lobes_and_mirrors_have_a_truth(exponent):
+    """In even light, the light of the lobe but for what the object hides."""
+    even = fastibl.CubeMap(np.full((6, 32, 32, 3), 0.5))
+    camera = fastibl.Camera(64, 48, 80, 80, 32, 24)
+    pose = fastibl.Pose(np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1.0]]))
+    scene = fastibl.Scene(fastibl.shapes.figurine(0.2), fastibl.Material((0,) * 3, (0.8,) * 3, exponent))
+    renderer = truth.TrueRenderer(scene, grid=8, bounce=False)
+    true = renderer.render(np.zeros((48, 64, 3), np.uint8), 1.0, camera, pose, even)
+    shown = true.linear[true.coverage > 0.999]
+    assert np.isfinite(true.linear).all() and shown.max() == pytest.approx(0.4, rel=1e-3)
+    assert np.median(shown) == pytest.approx(0.4, rel=1e-3) and shown.mean() > 0.3
+
+
+def test_an_object_out_of_view_is_no_error(renderer, white):
+    camera = fastibl.Camera(64, 48, 80, 80, 32, 24)
+    away = fastibl.Pose(np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.4], [0, 0, 0, 1.0]]))  # looks up
+    back = np.full((48, 64, 3), 120, np.uint8)
+    true = renderer.render(back, 1.0, camera, away, white)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert truth.picture_error(true.image, true, back, camera.response) == 0
+
+
+def test_times_and_points_are_told_as_they_are():
+    told = {0.9996: "1 s", 9.996e-4: "1 ms", 0.9994: "999 ms", 1234.0: "1234 s", 12.34: "12.3 s", 2e-9: "2 ns"}
+    assert {s: measuring.rows.seconds_text(s) for s in told} == told
+
+    def row(seconds, threads=1, backend="cpu", case="a"):
+        time = measuring.timing([seconds], [seconds])
+        return measuring.row("sh9", case, "error", 0.1, time, threads=threads, backend=backend)
+
+    (point,) = measuring.points([row(1.0), row(3.0, case="b"), row(0.5, 2), row(9.0, backend="gl")])["error"]
+    assert point.seconds == 2
+    (point,) = measuring.points([row(9.0, backend="gl")])["error"]
+    assert point.seconds == 9

@@ -2199,7 +2199,7 @@ def ggx_albedo(views: typing.Any, roughness: typing.Any = 0.4, anisotropy: typin
     Directional albedo of single-scattering GGX, (..., 2) float32: the split sum's f0 term and the rest.
 
     views: (..., 3) in the surface's frame (tangent, bitangent, normal). With Schlick's Fresnel term the albedo is f0 a + b,
-    with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. By quadrature, within 1e-4, and 6e-4
+    with Fresnel term 1 it is a + b. roughness, anisotropy, alpha: as in Lighting.ggx. By quadrature, within 1.2e-4, and 1e-3
     where the two alphas differ. Raises
     ValueError for another shape or values out of range.
     """

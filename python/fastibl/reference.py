@@ -27,6 +27,10 @@ _FACES = np.array(
 )
 
 
+_STEP = 0.3  # distance of directions under a lobe, in widths of (n.h)^s
+_AT_ONCE = 1 << 20  # directions
+
+
 def _triangle_angle(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
     """The solid angle of the spherical triangle between unit vectors (..., 3)."""
     volume = np.abs(np.einsum("...i,...i", a, np.cross(b, c)))
@@ -54,22 +58,42 @@ def _cube_samples(faces: NDArray, split: int) -> tuple[NDArray, NDArray, NDArray
     return directions(middle, middle).reshape(-1, 3), angles.reshape(-1), radiance.reshape(-1, faces.shape[-1])
 
 
+def _map(source: Any) -> NDArray[np.float64]:
+    """The texels of a map: (6, n, n, 3 k) or (h, w, 3)."""
+    if isinstance(source, Environment):
+        source = source.radiance
+    if isinstance(source, CubeMap):
+        source = source.faces
+    array = np.asarray(source, np.float64) if not isinstance(source, str) else np.zeros(0)
+    cube = array.ndim == 4 and array.shape[0] == 6 and array.shape[1] == array.shape[2] and array.shape[3] % 3 == 0
+    if not (cube or (array.ndim == 3 and array.shape[2] == 3)) or array.size == 0:
+        got = repr(source) if isinstance(source, str) else array.shape
+        raise ValueError(f"expected cube faces (6, n, n, 3) or a picture (h, w, 3), got {got}")
+    if not np.isfinite(array).all():
+        raise ValueError("expected finite radiance: CubeMap(faces) cleans what is not")
+    return array
+
+
+def texel_of(directions: NDArray, size: int) -> NDArray[np.int64]:
+    """Of the texels (6, size, size), in one row, those that unit directions (n, 3) meet; float64."""
+    along = np.einsum("nk,fk->nf", directions, _FACES[:, 0])
+    face = along.argmax(axis=1)
+    major, right, down = (np.einsum("nk,nk->n", directions, _FACES[face, k]) for k in range(3))
+    column, row = (np.clip((side / major + 1) / 2 * size, 0, size - 1).astype(int) for side in (right, down))
+    return (face * size + row) * size + column
+
+
 def samples(source: Any, split: int = 1) -> tuple[NDArray, NDArray, NDArray]:
     """Unit directions (n, 3), solid angles (n,) and radiances (n, 3) of a map, float64.
 
     source: CubeMap, Environment, cube faces (6, n, n, 3) or equirectangular picture (h, 2h, 3). split: pieces of a
     texel along each axis.
-    Cube faces may have 3 k channels, k maps side by side: functions that sum over them then return (..., 3 k).
+    Cube faces may have 3 k channels, k maps side by side: functions that sum over them then return (..., 3 k). Raises
+    ValueError for other shapes and for values that are not finite, which CubeMap(faces) would clean.
     """
-    if isinstance(source, Environment):
-        source = source.radiance
-    if isinstance(source, CubeMap):
-        source = source.faces
-    array = np.asarray(source, np.float64)
-    if array.ndim == 4 and array.shape[0] == 6:
+    array = _map(source)
+    if array.ndim == 4:
         return _cube_samples(array, split)
-    if array.ndim != 3 or array.shape[2] != 3:
-        raise ValueError(f"expected cube faces (6, n, n, 3) or a picture (h, w, 3), got {array.shape}")
     height, width = array.shape[0] * split, array.shape[1] * split
     radiance = np.repeat(np.repeat(array, split, axis=0), split, axis=1)
     edges = np.linspace(0, np.pi, height + 1)
@@ -87,6 +111,12 @@ def samples(source: Any, split: int = 1) -> tuple[NDArray, NDArray, NDArray]:
     return directions.reshape(-1, 3), angles.reshape(-1), radiance.reshape(-1, 3)
 
 
+def _split_shape(source: Any, split: int) -> tuple[int, ...]:
+    """Of the map whose texels are split along each axis."""
+    *faces, rows, columns, channels = _map(source).shape
+    return (*faces, split * rows, split * columns, channels)
+
+
 def _units(vectors: ArrayLike, name: str) -> NDArray:
     array = np.asarray(vectors, np.float64)
     if array.ndim < 1 or array.shape[-1] != 3:
@@ -95,10 +125,7 @@ def _units(vectors: ArrayLike, name: str) -> NDArray:
 
 
 def _pieces(source: Any) -> int:
-    if isinstance(source, Environment):
-        source = source.radiance
-    rows = source.size if isinstance(source, CubeMap) else np.shape(source)[-3]
-    return max(1, 64 // max(rows, 1))
+    return max(1, 64 // _map(source).shape[-3])
 
 
 def irradiance(source: Any, normals: ArrayLike, split: int | None = None) -> NDArray:
@@ -127,8 +154,8 @@ def glossy(
 
     The lobe is (n.h)^s max(n.w, 0). "energy" divides by its integral; "paper" keeps Eq. 3's (s + 8) / (8 pi),
     "exact" has (s + 2)(s + 4) / (8 pi (2^(-s/2) + s)). split: pieces of a texel along each axis; by default enough for
-    the exponent. An infinite exponent is a mirror, which shows one texel. Raises ValueError for an exponent below 0 or
-    NaN, another normalization, or other shapes.
+    the exponent, where the lobe is. An infinite exponent is a mirror, which shows one texel. Raises ValueError for an
+    exponent below 0 or NaN, another normalization, or other shapes.
     """
     if not exponent >= 0:
         raise ValueError(f"exponent must be at least 0, got {exponent}")
@@ -137,24 +164,37 @@ def glossy(
     if normalization not in ("energy", "paper", "exact"):
         raise ValueError(f'normalization must be "energy", "paper" or "exact", got {normalization!r}')
     n, v = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"))
-    if split is None:
-        split = 1 if exponent < 256 else 4 if exponent < 1024 else 8
-    directions, angles, radiance = samples(source)
-    fine = samples(source, split) if split > 1 else None
+    base = _pieces(source) if split is None else split
+    directions, angles, radiance = samples(source, base)
+    shape = _split_shape(source, base)
+    width = np.sqrt(angles.max())
+    # Beyond this angle from the mirror direction, the lobe is below 1/10000 of its height.
+    reach = 2 * np.arccos(min(1e-4 ** (1 / max(exponent, 1e-9)), 1)) + 1.5 * width
     out = np.empty((n.size // 3, radiance.shape[1]))
     for i, (normal, view) in enumerate(zip(n.reshape(-1, 3), v.reshape(-1, 3), strict=True)):
-        d, a, l = directions, angles, radiance
-        if fine is not None:
-            d, a, l = fine
-        half = d + view
-        half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-300)
-        cosine = np.clip(half @ normal, 0, 1)
+        mirror = 2 * (view @ normal) * normal - view
         if np.isinf(exponent):  # the texel that the mirror shows
-            out[i] = l[np.argmax(d @ (2 * (view @ normal) * normal - view))]
+            out[i] = radiance[np.argmax(directions @ mirror)]
             continue
-        weight = np.power(cosine, exponent) * np.maximum(d @ normal, 0) * a
-        out[i] = _factor(normalization, exponent, weight) * (weight @ l)
+        weight = _lobe(directions, normal, view, exponent) * angles
+        # Across the plane of incidence, the lobe is the narrower the more grazing the view is.
+        step = _STEP * max(view @ normal, 0.1) / np.sqrt(exponent + 1)
+        fine = 1 if split is not None else int(np.ceil(width / step))
+        if fine > 1:
+            chosen = np.flatnonzero(directions @ mirror > np.cos(min(reach, np.pi)))
+            for begin in range(0, len(chosen), max(1, _AT_ONCE // fine**2)):
+                some = chosen[begin : begin + max(1, _AT_ONCE // fine**2)]
+                pieces, piece_angles = _refined(shape, some, angles, fine)
+                weight[some] = (_lobe(pieces, normal, view, exponent) * piece_angles).sum(axis=1)
+        out[i] = _factor(normalization, exponent, weight) * (weight @ radiance)
     return out.reshape(*n.shape[:-1], out.shape[1])
+
+
+def _lobe(directions: NDArray, normal: NDArray, view: NDArray, exponent: float) -> NDArray:
+    """(n.h)^s max(n.w, 0) for unit directions (..., 3)."""
+    half = directions + view
+    half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-300)
+    return np.power(np.clip(half @ normal, 0, 1), exponent) * np.maximum(directions @ normal, 0)
 
 
 def _factor(normalization: str, s: float, weight: NDArray) -> float:
@@ -247,12 +287,17 @@ def ggx(
     """
     if normalization not in ("energy", "single"):
         raise ValueError(f'normalization must be "energy" or "single", got {normalization!r}')
+    if not (0 <= roughness <= 1 and 0 <= anisotropy <= 1):
+        raise ValueError(f"roughness and anisotropy must be 0 to 1, got {roughness} and {anisotropy}")
     pair = ggx_alpha(roughness, anisotropy) if alpha is None else (float(alpha[0]), float(alpha[1]))
+    if not (0 < min(pair) and max(pair) <= 1):
+        raise ValueError(f"alpha must be above 0 and at most 1, got {pair}")
     if tangents is None:
         tangents = np.zeros(3)
     n, v, t = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"), np.asarray(tangents, np.float64))
-    directions, angles, radiance = samples(source)
-    shape = np.shape(getattr(getattr(source, "radiance", source), "faces", source))
+    base = _pieces(source) if split is None else 1
+    directions, angles, radiance = samples(source, base)
+    shape = _split_shape(source, base)
     if split is None:
         split = int(np.clip(np.ceil(0.3 / min(pair) * 128 * np.sqrt(98304 / 128**2 / len(angles))), 1, 24))
     out = np.empty((n.size // 3, radiance.shape[1]))
@@ -303,7 +348,7 @@ def directional_albedo(cos_view: ArrayLike, exponent: float, count: int = 400) -
     """
     if not (exponent >= 0 and np.isfinite(exponent)):
         raise ValueError(f"exponent must be at least 0 and finite, got {exponent}")
-    cosines = np.asarray(cos_view, np.float64)
+    cosines = np.clip(np.asarray(cos_view, np.float64), 0, 1)
     # Midpoints in the half-vector's polar angle (concentrated where the lobe is) and azimuth.
     u = (np.arange(count) + 0.5) / count
     top = min(np.pi / 2, 12 / np.sqrt(exponent + 1))
@@ -341,8 +386,10 @@ def shadow_ratio(source: Any, occluder: Any, points: ArrayLike) -> NDArray:
     flux = radiance[up] * (angles[up] * d[:, 2])[:, None]
     total = flux.sum(axis=0)
     p = np.asarray(points, np.float64)
+    if p.ndim < 1 or p.shape[-1] != 2:
+        raise ValueError(f"points must have shape (..., 2), got {p.shape}")
     flat = p.reshape(-1, 2)
-    out = np.ones((len(flat), 3))
+    out = np.ones((len(flat), len(total)))
     bvh = Bvh(occluder) if isinstance(occluder, Mesh) else None
     spheres = np.zeros((0, 4)) if bvh is not None else np.asarray(occluder, np.float64)
     if spheres.ndim != 2 or spheres.shape[1] != 4:
@@ -363,4 +410,4 @@ def shadow_ratio(source: Any, occluder: Any, points: ArrayLike) -> NDArray:
                 hidden |= (c @ c < r * r) | ((along > 0) & (c @ c - along * along < r * r))
         lost = flux[hidden].sum(axis=0)
         out[i] = np.where(total > 0, 1 - lost / np.where(total > 0, total, 1), 1)
-    return out.reshape(*p.shape[:-1], 3)
+    return out.reshape(*p.shape[:-1], len(total))

@@ -30,6 +30,7 @@ from .expected import expect, present
 from .recording import Recording, truth_of
 
 _DIRECTIONS = 32  # face edge of the map level whose texels are the light directions
+_MIRROR = 1e5  # exponent from which a lobe is narrower than a texel, and shows one
 _SPLIT = 4  # rays per pixel and axis, for coverage; light is computed once a quarter, or once where all are alike
 _ALIKE = 0.9995  # cosine between a pixel's normals above which one place stands for all four quarters
 
@@ -49,11 +50,14 @@ class TruePicture:
 
 def picture_error(picture: NDArray[np.uint8], true: TruePicture, back: NDArray[np.uint8], response: Response) -> float:
     """RMS over RGB and over the pixels that the object covers or its shadow changes by more than 1/255, in linear
-    light, relative to the truth's mean there."""
+    light, relative to the truth's mean there. 0 where there are none, infinite where only the picture is not black."""
     where = (true.coverage > 0) | (np.abs(true.image.astype(int) - back).max(axis=-1) > 1)
     truth = np.clip(true.linear[where], 0, 1)
     difference = response.decode(picture / 255.0)[where] - truth
-    return float(np.sqrt((difference**2).mean()) / truth.mean())
+    if not (difference != 0).any():
+        return 0.0
+    mean = truth.mean()
+    return float(np.sqrt((difference**2).mean()) / mean) if mean > 0 else np.inf
 
 
 def texels_that_count(recording: Recording, last_seen: NDArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -320,12 +324,13 @@ class TrueRenderer:
         if not self.bounce:
             return ratio
         d, angle, radiance = _samples(source)
-        plane = np.maximum((radiance * (angle * np.maximum(d[:, 2], 0))[:, None]).sum(axis=0), 1e-12)
+        plane = (radiance * (angle * np.maximum(d[:, 2], 0))[:, None]).sum(axis=0)
         point, vertex, weights = self._seen_from_plane()
         sent, added = self.exitance(source), np.empty((len(self._points), 3))
         for c in range(3):
             light = (sent[vertex, c] * weights).sum(axis=1)
-            added[:, c] = np.bincount(point, light, len(self._points)) / plane[c]
+            # A plane that nothing else lights is as dark in the picture as the camera shows it.
+            added[:, c] = np.bincount(point, light, len(self._points)) / plane[c] if plane[c] > 1e-12 else 0
         return ratio + added.reshape(ratio.shape)
 
     def plane_ratio(self, source: CubeMap | Environment) -> NDArray:
@@ -347,8 +352,14 @@ class TrueRenderer:
         return float(np.sqrt(((shadow.sample(self.plane_points) - true_ratio)[where] ** 2).mean()))
 
     def _glossy(self, source: CubeMap | Environment, seen: _Seen, exponent: float) -> NDArray:
-        """The average (n, 3) of the map under the lobe (n.h)^s max(n.w, 0), summed over its texels; what the object
-        hides is dark."""
+        """The average (n, 3) of the map under the lobe (n.h)^s max(n.w, 0), summed over its texels, of which a mirror
+        shows one; what the object hides is dark."""
+        if exponent >= _MIRROR:
+            mirror = 2 * (seen.normal * seen.view).sum(axis=1, keepdims=True) * seen.normal - seen.view
+            faces, of = level_at_most(source, 1 << 16), reference.texel_of(mirror, _DIRECTIONS)
+            shown = np.asarray(faces, np.float64).reshape(-1, 3)[reference.texel_of(mirror, faces.shape[1])]
+            hidden = seen.hidden[np.arange(len(of)), of // 8] >> (7 - of % 8) & 1
+            return np.where((hidden == 0) & ((seen.normal * seen.view).sum(axis=1) > 0), shown.T, 0).T
         d, angle, radiance = _samples(source, _DIRECTIONS if exponent < 150 else 64)
         d32, light, of = d.astype(np.float32), radiance.astype(np.float32), _coarse(len(d))
         out = np.empty((len(seen.normal), 3))
@@ -552,7 +563,7 @@ class TrueRenderer:
             )
             for on_plane in (self.plane_ratio(source), self.plane_gain(source))
         )  # fmt: skip
-        radius = np.hypot(x - camera.cx, y - camera.cy) / camera.fx
+        radius = np.hypot((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy)
         vignette = 1 + sum(v * radius ** (2 * k + 2) for k, v in enumerate(camera.vignetting))
         under = camera.response.decode(back / 255.0).astype(np.float64) * gain
         over = layer[..., :3] * (exposure * camera.gain * np.asarray(vignette))[..., None]

@@ -1,7 +1,7 @@
 """Points of error against time, and the frontier that nothing beats.
 
-A row is a point where it has both an error and a time. Rows that differ in the exponent alone are one point: the mean
-of their errors, the median of their times.
+A row is a point where it has both an error and a time. Rows of one method and setting are one point, whatever their
+case and exponent: the mean of their errors, the median of their times.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 from .rows import Row
 
@@ -32,15 +33,17 @@ class Point:
 
 
 def points(rows: Iterable[Row]) -> dict[str, list[Point]]:
-    """Points by metric, one a method and setting; the exponent is averaged over."""
+    """Points by metric, one a method and setting: rows of other cases and exponents are averaged, and the time is their
+    median. One thread and one back end at a time: others are left out where rows of one thread on the CPU are there."""
     found: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     for r in rows:
         if r.error is not None and r.seconds is not None:
             setting = " ".join(s for s in r.setting.split() if not s.startswith("exponent="))
             found[r.metric, r.method, setting].append(r)
     plots: dict[str, list[Point]] = defaultdict(list)
-    for (metric, method, setting), same in found.items():
-        seconds = sorted(r.seconds for r in same if r.seconds is not None)[len(same) // 2]
+    for (metric, method, setting), every in found.items():
+        same = [r for r in every if (r.threads, r.backend) == (1, "cpu")] or every
+        seconds = median(r.seconds for r in same if r.seconds is not None)
         error = sum(r.error for r in same if r.error is not None) / len(same)
         plots[metric].append(Point(method, setting, seconds, error))
     return dict(plots)

@@ -178,8 +178,10 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def seconds_text(seconds: float) -> str:
-    """ "12.3 ms": three digits in the unit that suits."""
+    """ "12.3 ms": three digits in the unit that suits; whole seconds from 1000 on."""
+    if seconds >= 1000:
+        return f"{seconds:.0f} s"
     for unit, scale in (("s", 1), ("ms", 1e3), ("µs", 1e6)):
-        if seconds * scale >= 1:
+        if seconds * scale >= 0.9995:  # which is written as 1
             return f"{seconds * scale:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
