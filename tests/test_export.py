@@ -716,3 +716,22 @@ def test_a_folder_that_is_not_there_is_named_and_no_other_file(tmp_path):
     with pytest.raises(FileNotFoundError) as error:
         fastibl.write_environment(path, fastibl.CubeMap(np.ones((6, 4, 4, 3), np.float32)))
     assert error.value.filename == str(path)
+
+
+def test_what_cannot_be_exported_is_said_before_any_work(tmp_path, monkeypatch):
+    cube = fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32))
+    monkeypatch.setattr(fastibl.Lighting, "prefiltered", None)
+    for options, told in (
+        ({"layout": "spiral"}, "layout must be"),
+        ({"picture": np.zeros((0, 0, 3))}, "picture must be"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            fastibl.export_light(cube, tmp_path / "out", **options)
+        assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("options, told", [({"size": 100_000}, "1 to 8192"), ({"wanted": [0.5]}, "whole number")])
+def test_levels_that_cannot_be_made(options, told):
+    lighting = fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32)))
+    with pytest.raises((TypeError, ValueError), match=told):
+        lighting.prefiltered(**options)

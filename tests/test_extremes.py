@@ -65,3 +65,10 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(extremes, "all_cases", lambda only="", backend="all": broken)
     assert main(["extremes", "--backend", "cpu"]) == 1
     assert "BROKEN" in capsys.readouterr().out
+
+
+def test_rows_go_where_there_is_a_folder(tmp_path, capsys):
+    assert main(["extremes", "--only", "no such", "--json", str(tmp_path / "no" / "x.json")]) == 2
+    assert "no folder" in capsys.readouterr().err
+    assert main(["extremes", "--backend", "cpu", "--only", "a lamp between", "--json", str(tmp_path / "x.json")]) == 0
+    assert json.loads((tmp_path / "x.json").read_text(), parse_constant=pytest.fail)["cases"]

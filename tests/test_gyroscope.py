@@ -30,6 +30,8 @@ LOGS = {
     "nanoseconds of Android": table(",", NANOSECONDS, X, Y, Z),
     "milliseconds, degrees": "t (ms)\twx (deg/s)\twy (deg/s)\twz (deg/s)\n"
     + table("\t", 1000 * TIMES, *np.degrees(RATES).T),
+    "milliradians": "t (s),x (mrad/s),y (mrad/s),z (mrad/s)\n" + table(",", TIMES, *(1000 * RATES).T),
+    "thousandths of degrees": "t (s),x (mdps),y (mdps),z (mdps)\n" + table(",", TIMES, *np.degrees(1000 * RATES).T),
     "semicolons, decimal commas": table(";", TIMES, X, Y, Z, decimal=","),
     "tabs, decimal commas": table("\t", TIMES, X, Y, Z, decimal=","),
     "spaces, decimal commas": table(" ", TIMES, X, Y, Z, decimal=","),
@@ -56,6 +58,7 @@ def test_logs(tmp_path, name):
         ("time,x,y,z\n1,2,3,4\n2,2,3,4\n3,2,three,4\n", "line 4: expected numbers, got '3,2,three,4'"),
         ("time,x,y,z\n1,2,3,4\n2,2,3\n", "line 3: expected numbers"),
         ("1,0,0,0\n" * 5, "are no gyroscope's"),
+        ("time,x (rpm),y (rpm),z (rpm)\n0,1,2,3\n0.01,1,2,3\n", "rates in 'rpm'; expected rad/s or deg/s"),
         ("time (s),x,y,z\n" + "".join(f"{5 * k},0,0,0\n" for k in range(9)), "times 5 apart are no gyroscope's"),
     ],
 )

@@ -316,3 +316,14 @@ def test_numbers_as_people_read_them():
     ]  # fmt: skip
     assert [section.signed(v) for v in (0.0, 0.013, -0.5, 1.65)] == ["0 %", "+1.3 %", "-50 %", "+165 %"]
     assert [measuring.seconds_text(s) for s in (2.0, 3.2e-3, 4e-6, 5e-9)] == ["2 s", "3.2 ms", "4 µs", "5 ns"]
+
+
+def test_an_exact_paper_and_lines_that_are_no_numbers():
+    """As in a black place, where every method is exact, and where a method gave NaN."""
+    from fastibl.report import plots, steps
+
+    assert steps._smaller(0.0) and "less" in steps._smaller(3.0)
+    pytest.importorskip("matplotlib")
+    points = [plots.Point("a", "", 1.0, np.nan), plots.Point("b", "", 1.0, np.inf), plots.Point("c", "", 2.0, 0.1)]
+    for some in (points, points[:2]):
+        assert plots.draw_frontier(plots.Frontier("x", "a title", "s", "error", some)) is not None

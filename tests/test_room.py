@@ -180,3 +180,18 @@ def test_a_table_of_any_mean(mean):
 def test_a_true_map_has_texels_and_samples(room, size, samples):
     with pytest.raises(ValueError, match=f"at least 1, got {size} and {samples}"):
         room.truth(size=size, samples=samples)
+
+
+def test_rays_along_a_wall_from_on_it(room):
+    """A wall that a ray lies in is not met."""
+    d = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0.6, 0.8, 0]])
+    on, above = (room.radiance((0, 0, z), d) for z in (0.0, 1e-4))
+    np.testing.assert_allclose(on, above, rtol=0.02)
+    assert np.isfinite(room.truth((0, 0, 0), 9, samples=1).faces).all()
+
+
+@pytest.mark.parametrize("mean", [0.3, 0.9, 1.0, (0.2, 0.95, 0.1)])
+def test_no_wood_reflects_more_than_it_gets(mean):
+    board = wood(0.5, 0.3, 400, table_albedo(mean))
+    assert board.max() <= 1 + 1e-6 and board.min() >= 0
+    np.testing.assert_allclose(board.mean(axis=(0, 1), dtype=np.float64), table_albedo(mean), rtol=1e-5)

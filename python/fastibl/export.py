@@ -18,7 +18,7 @@ from . import texels
 from . import usd as usd_files
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
 from .axes import HANDEDNESS, from_axes, handed, handedness_of, matrix, radiance_of, to_axes
-from .environment_files import CUBE_WRITERS, FACES, write_environment, write_faces
+from .environment_files import CUBE_WRITERS, FACES, LAYOUTS, write_environment, write_faces
 from .gltf_light import check_gltf_size, write_gltf_light
 from .lighting import Lighting, without_lights
 from .pictures import LINEAR, write_picture
@@ -95,7 +95,11 @@ def export_light(
         raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
     if format in _CUBES:
         texels.check_level_count(levels, size)
-    if picture is not None and (format in _CUBES or np.shape(picture)[1:] != (2 * len(picture), 3)):
+    elif layout not in LAYOUTS[1:]:
+        raise ValueError(f"layout must be one of {', '.join(LAYOUTS[1:])}, got {layout!r}")
+    if picture is not None and (
+        format in _CUBES or not np.size(picture) or np.shape(picture)[1:] != (2 * len(picture), 3)
+    ):
         raise ValueError(f"picture must be (h, 2 h, 3), of format hdr or exr, got {np.shape(picture)}, {format}")
     if gltf:
         check_gltf_size(size)

@@ -54,8 +54,7 @@ def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], N
     table = table[np.isfinite(table).all(axis=1)]
     _, kept = np.unique(table[:, 0], return_index=True)
     times, rates = table[kept, 0], table[kept, 1:]
-    if any("deg" in unit or "°" in unit or "dps" in unit for unit in units[1:]):
-        rates = np.radians(rates)
+    rates = rates * [_radians_a_second(unit, path) for unit in units[1:]]
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     told = [_SECONDS[units[0]]] if units[0] in _SECONDS else list(dict.fromkeys(_SECONDS.values()))
     fitting = [s for s in told if step > 0 and _LEAST_A_SECOND <= 1 / (step * s) <= _MOST_A_SECOND]
@@ -88,6 +87,14 @@ def _numbers(fields: Sequence[str]) -> list[float] | None:
 def _unit(name: str) -> str:
     found = _UNIT.search(name)
     return found[1].strip().lower() if found else ""
+
+
+def _radians_a_second(unit: str, path: str | os.PathLike[str]) -> float:
+    """Of a unit such as deg/s, mdps or "", which is rad/s."""
+    found = re.fullmatch(r"(m|milli)?(rad|deg|dps|°|º|1/s|s\^?-1|)\S*.*", unit)
+    if found is None or (unit and not found[2]):
+        raise ValueError(f"{path}: rates in {unit!r}; expected rad/s or deg/s, or thousandths of them")
+    return (1e-3 if found[1] else 1.0) * (np.pi / 180 if found[2] in ("deg", "dps", "°", "º") else 1.0)
 
 
 def _columns(header: Sequence[str], first: Sequence[str], path: str | os.PathLike[str]) -> list[int]:

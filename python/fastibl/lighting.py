@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, SupportsIndex
 
 from ._fastibl import (
     CubeMap,
@@ -23,6 +23,7 @@ from .expected import expect
 
 STEPS = ("tracking", "capture", "diffuse", "glossy", "shadow", "self_shadow", "bounce")
 AUTO, PAPER = _Methods._auto(), _Methods._paper()
+_LARGEST = 8192  # texels along a face of a prefiltered level
 
 
 @dataclass(frozen=True, init=False)
@@ -225,10 +226,12 @@ class Lighting(_Lighting):
                 raise ValueError("give a mapping or parameters, not both")
             given = [float(p) for p in parameters]
             levels = len(given)
-        if size < 1:
-            raise ValueError(f"size must be at least 1, got {size}")
+        expect(size, SupportsIndex, "size")
+        if not 1 <= size <= _LARGEST:
+            raise ValueError(f"size must be 1 to {_LARGEST} texels, got {size}")
         chosen = set(range(levels) if wanted is None else wanted)
         for k in chosen:
+            expect(k, SupportsIndex, "a level in wanted")
             if not 0 <= k < levels:
                 raise ValueError(f"wanted holds level {k}; there are {levels}")
         asked = [(parameter, max(1, size >> k), k in chosen) for k, parameter in enumerate(given)]

@@ -64,7 +64,10 @@ def wood(width: float, height: float, density: float, mean: ArrayLike, seed: int
     shade = (1 + tone + grain) * np.where((gap < 0.0012) & (y > 0.01) & (y < height - 0.01), 0.72, 1)
     shade = np.clip(shade, 0.5, 1.4).astype(np.float32)
     tint = np.stack([shade**0.85, shade, shade**1.25], axis=-1)  # darker wood is redder
-    return tint * (np.asarray(mean, np.float32) / tint.mean(axis=(0, 1)))
+    tint /= tint.mean(axis=(0, 1))
+    mean = np.asarray(mean, np.float32)
+    contrast = np.minimum(1, (1 / np.maximum(mean, 1e-6) - 1) / (tint.max(axis=(0, 1)) - 1))  # no texel exceeds 1
+    return mean * (1 + contrast * (tint - 1))
 
 
 class _Surface:
@@ -525,11 +528,13 @@ class Room:
     def _locate(self, origin: tuple, dx: NDArray, dy: NDArray, dz: NDArray) -> tuple[NDArray, NDArray]:
         """Atlas coordinates (float32) of the points that rays from inside the room meet."""
         ox, oy, oz = origin
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             tx = (np.where(dx > 0, np.float32(UPPER[0]), np.float32(LOWER[0])) - ox) / dx
             ty = (np.where(dy > 0, np.float32(UPPER[1]), np.float32(LOWER[1])) - oy) / dy
             tz = (np.where(dz > 0, np.float32(UPPER[2]), np.float32(LOWER[2])) - oz) / dz
-        np.abs(tx, out=tx), np.abs(ty, out=ty), np.abs(tz, out=tz)  # both 0 and -0 have an infinite t
+        for t, d in ((tx, dx), (ty, dy), (tz, dz)):  # no ray along a wall meets it, also from on it
+            np.abs(t, out=t)
+            t[d == 0] = np.inf
         t = np.minimum(np.minimum(tx, ty), tz)
         on_x, on_z = t == tx, t == tz
         px, py, pz = ox + t * dx, oy + t * dy, oz + t * dz

@@ -81,10 +81,9 @@ class DistantPlace:
         up = texel_directions(self._cube.size)[..., 2:].astype(np.float64)
         angles = texel_solid_angles(self._cube.size)[None, ..., None]
         self._light = np.sum(self._cube.faces * np.maximum(up, 0) * angles, axis=(0, 1, 2)).astype(np.float32)
-        plain = self.albedo * self._light / np.float32(np.pi)
-        self._plain = plain
-        grain = wood(2 * TABLE[0], 2 * TABLE[1], self._DENSITY, np.ones(3))
-        self._table = grain * plain
+        sent = self._light / np.float32(np.pi)
+        self._plain = self.albedo * sent
+        self._table = wood(2 * TABLE[0], 2 * TABLE[1], self._DENSITY, self.albedo) * sent
 
     def irradiance(self, points: ArrayLike, lamp: bool = False) -> NDArray[np.float32]:
         """Irradiance (..., 3) of the table at points (..., 2); the same everywhere."""

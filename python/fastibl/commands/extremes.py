@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 from ._arguments import parser
@@ -28,7 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
     from .. import __version__, extremes
     from ..gl_device import gl_device
     from ..machine import cpu
+    from ..whole_file import write_whole
 
+    if arguments.json and not arguments.json.absolute().parent.is_dir():
+        raise FileNotFoundError(f"no folder {arguments.json.absolute().parent} for {arguments.json.name}")
     backend, device, missing = arguments.backend, "", ""
     if backend != "cpu":
         device, missing = gl_device()
@@ -52,9 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
             "machine": cpu(),
             "gl": missing or "run",
             "device": device,
-            "cases": [row.as_dict() for row in rows],
+            "cases": [{k: None if v == math.inf else v for k, v in row.as_dict().items()} for row in rows],
         }
-        arguments.json.write_text(json.dumps(found, indent=1, allow_nan=True) + "\n")
+        write_whole(arguments.json, json.dumps(found, indent=1, allow_nan=False) + "\n")
         print(f"wrote {arguments.json}")
     for row in broken:
         print(f"broken: {row.step}: {row.name} [{row.backend}]: expected {row.expectation}; {row.outcome}")

@@ -123,6 +123,7 @@ def _dress(axes: Any, x: str, y: str) -> None:
 
 def _limits(values: Sequence[float], below: float, above: float) -> tuple[float, float]:
     """The limits of a log axis: the range of values with some room, of at least half a decade."""
+    values = [v for v in values if np.isfinite(v)] or [1.0]
     low, high = min(values), max(values)
     room = max(np.log10(high / low), 0.5)
     return low / 10 ** (below * room), high * 10 ** (above * room)
@@ -144,9 +145,11 @@ def draw_frontier(chart: Frontier, width: float = 6.5, height: float = 4.7) -> A
     """The figure. A step line joins the points that no other beats in both; ours is a filled star, the paper's a hollow
     diamond."""
     # An exact result has no place on a log axis; nothing here resolves errors below 1e-7.
-    points = [Point(p.method, p.setting, p.seconds, max(p.error, 1e-7)) for p in chart.points]
+    points = [Point(p.method, p.setting, p.seconds, max(p.error, 1e-7)) for p in chart.points if np.isfinite(p.error)]
     figure = _figure(width, height)
     axes = figure.add_subplot()
+    if not points:  # no error is a number
+        return figure
     axes.set(xscale="log", yscale="log")
     methods = sorted({p.method for p in points}, key=lambda m: min(p.seconds for p in points if p.method == m))
     colour = {m: COLOURS[k % len(COLOURS)] for k, m in enumerate(methods)}
@@ -219,6 +222,8 @@ def draw_lines(chart: Lines, width: float = 4.9, height: float = 3.5) -> Any:
         colour = chart.colours.get(name, COLOURS[k % len(COLOURS)])
         marker = "o" if len(x) < 14 else None
         axes.plot(x, values, color=colour, lw=1.8, marker=marker, ms=4, ls=":" if name in chart.dashed else "-")
+        if not np.isfinite(values).any():
+            continue
         at = int(np.nanargmax(np.where(np.isfinite(values), np.arange(len(values)), np.nan)))
         at = at if chart.log_x else at * 2 // 3
         labels.append(Label(name, float(x[at]), float(values[at]), colour, True))

@@ -146,6 +146,8 @@ def sentences(results: Sequence[Result]) -> list[str]:
 
 
 def _smaller(ratio: float) -> str:
+    if ratio <= 0:
+        return "not the paper's exact"
     return f"{times(ratio)} less" if ratio > 1.1 else "about the same" if ratio > 0.9 else f"{times(1 / ratio)} the"
 
 
