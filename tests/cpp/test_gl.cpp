@@ -491,6 +491,20 @@ std::vector<GLint> of_viewports() {
   return all;
 }
 
+// Of an engine, not linked yet: puts all vertices in the middle.
+GLuint point_program() {
+  const GLuint program = glCreateProgram();
+  for (const auto& [kind, text] :
+       {std::pair{GL_VERTEX_SHADER,
+                  "#version 300 es\nvoid main() { gl_Position = vec4(0, 0, 0, 1); }"},
+        std::pair{GL_FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"}}) {
+    const GLuint shader = glCreateShader(GLenum(kind));
+    glShaderSource(shader, 1, &text, nullptr), glCompileShader(shader);
+    glAttachShader(program, shader);
+  }
+  return program;
+}
+
 }  // namespace
 
 TEST_CASE("an engine's state of ES extensions: same picture, its state put back") {
@@ -549,15 +563,7 @@ TEST_CASE("while the caller captures vertices: same picture, and it goes on capt
   const GlContext::Current current(context);
   const auto plain = make_gl_renderer(CurrentContext{}), gl = make_gl_renderer(CurrentContext{});
   draw(*plain, in);
-  const GLuint program = glCreateProgram();
-  for (const auto& [kind, text] :
-       {std::pair{GL_VERTEX_SHADER,
-                  "#version 300 es\nvoid main() { gl_Position = vec4(0, 0, 0, 1); }"},
-        std::pair{GL_FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"}}) {
-    const GLuint shader = glCreateShader(GLenum(kind));
-    glShaderSource(shader, 1, &text, nullptr), glCompileShader(shader);
-    glAttachShader(program, shader);
-  }
+  const GLuint program = point_program();
   const char* captured = "gl_Position";
   glTransformFeedbackVaryings(program, 1, &captured, GL_INTERLEAVED_ATTRIBS);
   glLinkProgram(program), glUseProgram(program);
@@ -589,14 +595,7 @@ TEST_CASE("a program that is in use and marked for deletion: gone, and none is i
   const GlContext context;
   const GlContext::Current current(context);
   const auto gl = make_gl_renderer(CurrentContext{});
-  const GLuint program = glCreateProgram();
-  for (const auto& [kind, text] :
-       {std::pair{GL_VERTEX_SHADER, "#version 300 es\nvoid main() { gl_Position = vec4(0); }"},
-        std::pair{GL_FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"}}) {
-    const GLuint shader = glCreateShader(GLenum(kind));
-    glShaderSource(shader, 1, &text, nullptr), glCompileShader(shader);
-    glAttachShader(program, shader);
-  }
+  const GLuint program = point_program();
   glLinkProgram(program), glUseProgram(program), glDeleteProgram(program);
   draw(*gl, in);
   GLint used = -1;
