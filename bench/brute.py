@@ -168,7 +168,7 @@ def _glossy(count: int) -> NDArray:
     cube = next(iter(real_maps().values()))
     for s in (2, 128, 2048):
         k = count  # one pair, at 30 degrees
-        check(out[s][k, :3], reference.glossy(cube, n[k], v[k], s))
+        check(out[s][k, :3], reference.glossy(cube, n[k], v[k], s, split=_SPLIT.get(s, 1)))
     return np.stack([out[s] for s in EXPONENTS])
 
 
