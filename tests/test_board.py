@@ -132,7 +132,7 @@ def test_equality_repr_copy_pickle(board):
         (lambda: fastibl.Board.grid(3, 4, 0.0, 0.01), "tag size"),
         (lambda: fastibl.Board.grid(3, 4, 0.03, float("nan")), "spacing"),
         (lambda: fastibl.Board.grid(3, 4, 0.03, 0.01, 3), "border_bits"),
-        (lambda: fastibl.Board.grid(30, 40, 0.03, 0.01), "586"),
+        (lambda: fastibl.Board.grid(30, 40, 0.03, 0.01), "at most 587 tags, got 30 × 40"),
         (lambda: fastibl.Board.kalibr(6, 6, 0.08, 0.0), "spacing ratio"),
         (lambda: fastibl.Board([], 0.1, 0.1), "at least one tag"),
         (lambda: fastibl.Board([(0, np.zeros((4, 3)))], 0.1, 0.1), r"\(4, 2\)"),

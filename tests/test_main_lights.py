@@ -79,5 +79,7 @@ def test_a_lights_solid_angle_is_that_of_its_cap(degrees):
     (light,) = fastibl.main_lights(fastibl.CubeMap(np.repeat(faces[..., None], 3, axis=-1)))
     true = 2 * np.pi * (1 - np.cos(np.radians(degrees)))
     print(f"{light.solid_angle:.4f} sr of {true:.4f}, angular radius {np.degrees(light.angular_radius):.2f} degrees")
-    assert light.solid_angle == pytest.approx(true, rel=0.05)
-    assert np.degrees(light.angular_radius) == pytest.approx(degrees, rel=0.05)
+    # Of whole texels, which are 1.4 degrees wide.
+    assert np.degrees(light.angular_radius) == pytest.approx(degrees, abs=0.5)
+    assert light.solid_angle == pytest.approx(true, rel=0.12)
+    assert light.solid_angle == pytest.approx(2 * np.pi * (1 - np.cos(light.angular_radius)), rel=1e-3)

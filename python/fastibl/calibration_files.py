@@ -102,7 +102,7 @@ def _matrix(node: cv2.FileNode, name: str, path: Path) -> NDArray | None:
     rows, columns = _whole(item, "rows", path), _whole(item, "cols", path)
     data = item.getNode("data")
     if not 0 < rows * columns <= _MOST_VALUES:
-        raise ValueError(f"{path}: {name} must be of 1 to {_MOST_VALUES} values, got {rows} x {columns}")
+        raise ValueError(f"{path}: {name} must be a matrix of 1 to {_MOST_VALUES} values, got {rows} x {columns}")
     if not data.isSeq() or data.size() != rows * columns:
         raise ValueError(f"{path}: {name} must be a matrix of {rows} x {columns} values")
     values = [data.at(i) for i in range(rows * columns)]  # OpenCV walks to each value from the first one
