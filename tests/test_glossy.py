@@ -244,3 +244,9 @@ def test_the_oracle_refuses_what_is_no_map_or_surface():
     same_error(lambda: reference.shadow_ratio(even, np.zeros((0, 4)), np.ones((2, 3))), ValueError, "(..., 2)")
     two = np.concatenate([even, 2 * even], axis=-1)
     assert reference.shadow_ratio(two, [[0, 0, 0.2, 0.1]], [[0.0, 0.0]]).shape == (1, 6)
+
+
+def test_every_direction_has_its_texel():
+    for size in (1, 3, 16):
+        directions, _, _ = reference.samples(np.zeros((6, size, size, 3)))
+        np.testing.assert_array_equal(reference.texel_of(directions, size), np.arange(6 * size**2))

@@ -6,6 +6,7 @@ library's arctangents; an equirectangular picture is integrated as it is, withou
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -111,9 +112,9 @@ def samples(source: Any, split: int = 1) -> tuple[NDArray, NDArray, NDArray]:
     return directions.reshape(-1, 3), angles.reshape(-1), radiance.reshape(-1, 3)
 
 
-def _split_shape(source: Any, split: int) -> tuple[int, ...]:
+def _split_shape(shape: tuple[int, ...], split: int) -> tuple[int, ...]:
     """Of the map whose texels are split along each axis."""
-    *faces, rows, columns, channels = _map(source).shape
+    *faces, rows, columns, channels = shape
     return (*faces, split * rows, split * columns, channels)
 
 
@@ -124,8 +125,8 @@ def _units(vectors: ArrayLike, name: str) -> NDArray:
     return array / np.linalg.norm(array, axis=-1, keepdims=True)
 
 
-def _pieces(source: Any) -> int:
-    return max(1, 64 // _map(source).shape[-3])
+def _pieces(texels: NDArray) -> int:
+    return max(1, 64 // texels.shape[-3])
 
 
 def irradiance(source: Any, normals: ArrayLike, split: int | None = None) -> NDArray:
@@ -133,7 +134,8 @@ def irradiance(source: Any, normals: ArrayLike, split: int | None = None) -> NDA
 
     split: pieces of a texel along each axis; by default so many that an edge has at least 64, for coarse maps.
     """
-    directions, angles, radiance = samples(source, _pieces(source) if split is None else split)
+    texels = _map(source)
+    directions, angles, radiance = samples(texels, _pieces(texels) if split is None else split)
     n = _units(normals, "normals")
     flat, flux = n.reshape(-1, 3), radiance * angles[:, None]
     out = np.empty((len(flat), flux.shape[1]))
@@ -164,9 +166,10 @@ def glossy(
     if normalization not in ("energy", "paper", "exact"):
         raise ValueError(f'normalization must be "energy", "paper" or "exact", got {normalization!r}')
     n, v = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"))
-    base = _pieces(source) if split is None else split
-    directions, angles, radiance = samples(source, base)
-    shape = _split_shape(source, base)
+    texels = _map(source)
+    base = _pieces(texels) if split is None else split
+    directions, angles, radiance = samples(texels, base)
+    shape = _split_shape(texels.shape, base)
     width = np.sqrt(angles.max())
     # Beyond this angle from the mirror direction, the lobe is below 1/10000 of its height.
     reach = 2 * np.arccos(min(1e-4 ** (1 / max(exponent, 1e-9)), 1)) + 1.5 * width
@@ -182,9 +185,7 @@ def glossy(
         fine = 1 if split is not None else int(np.ceil(width / step))
         if fine > 1:
             chosen = np.flatnonzero(directions @ mirror > np.cos(min(reach, np.pi)))
-            for begin in range(0, len(chosen), max(1, _AT_ONCE // fine**2)):
-                some = chosen[begin : begin + max(1, _AT_ONCE // fine**2)]
-                pieces, piece_angles = _refined(shape, some, angles, fine)
+            for some, pieces, piece_angles in _refined_parts(shape, chosen, angles, fine):
                 weight[some] = (_lobe(pieces, normal, view, exponent) * piece_angles).sum(axis=1)
         out[i] = _factor(normalization, exponent, weight) * (weight @ radiance)
     return out.reshape(*n.shape[:-1], out.shape[1])
@@ -229,6 +230,16 @@ def _refined(shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: in
         area = np.broadcast_to(across, z.shape)
     area = area.reshape(len(chosen), split * split)  # also works where no texel is chosen
     return directions.reshape(len(chosen), split * split, 3), area * (angles[chosen] / area.sum(axis=1))[:, None]
+
+
+def _refined_parts(
+    shape: tuple[int, ...], chosen: NDArray, angles: NDArray, split: int
+) -> Iterator[tuple[NDArray, NDArray, NDArray]]:
+    """Some of the chosen texels at a time, as many as memory holds, with what _refined() gives for them."""
+    count = max(1, _AT_ONCE // split**2)
+    for begin in range(0, len(chosen), count):
+        some = chosen[begin : begin + count]
+        yield some, *_refined(shape, some, angles, split)
 
 
 def ggx_alpha(roughness: float, anisotropy: float = 0.0) -> tuple[float, float]:
@@ -295,9 +306,10 @@ def ggx(
     if tangents is None:
         tangents = np.zeros(3)
     n, v, t = np.broadcast_arrays(_units(normals, "normals"), _units(views, "views"), np.asarray(tangents, np.float64))
-    base = _pieces(source) if split is None else 1
-    directions, angles, radiance = samples(source, base)
-    shape = _split_shape(source, base)
+    texels = _map(source)
+    base = _pieces(texels) if split is None else 1
+    directions, angles, radiance = samples(texels, base)
+    shape = _split_shape(texels.shape, base)
     if split is None:
         split = int(np.clip(np.ceil(0.3 / min(pair) * 128 * np.sqrt(98304 / 128**2 / len(angles))), 1, 24))
     out = np.empty((n.size // 3, radiance.shape[1]))
@@ -310,10 +322,8 @@ def ggx(
             # Texels that the horizon cuts are refined, too.
             cut = np.abs(directions @ normal) < 2 * np.sqrt(angles)
             chosen = np.flatnonzero((density > 1e-3 * density.max()) | cut)
-            for begin in range(0, len(chosen), 1 << 14):
-                some = chosen[begin : begin + (1 << 14)]
-                fine, fine_angles = _refined(shape, some, angles, split)
-                weight[some] = (_ggx_lobe(fine, view, frame, pair) * fine_angles).sum(axis=1)
+            for some, pieces, piece_angles in _refined_parts(shape, chosen, angles, split):
+                weight[some] = (_ggx_lobe(pieces, view, frame, pair) * piece_angles).sum(axis=1)
         out[i] = weight @ radiance / (max(weight.sum(), 1e-300) if normalization == "energy" else 1)
     return out.reshape(*n.shape[:-1], out.shape[1])
 
