@@ -323,6 +323,15 @@ def test_an_exact_paper_and_lines_that_are_no_numbers():
     from fastibl.report import plots, steps
 
     assert steps._smaller(0.0) and "less" in steps._smaller(3.0)
+
+    def said(chosen, paper):
+        time = measuring.timing([1.0], [1.0])
+        results = [
+            steps.Result("a", "", {"x": e}, {}, time, m) for e, m in ((chosen, steps.CHOSEN), (paper, steps.PAPER))
+        ]
+        return steps.sentences(results)[1]
+
+    assert "has about the same error" in said(0.0, 0.0) and "times the error" in said(0.1, 0.0)
     pytest.importorskip("matplotlib")
     points = [plots.Point("a", "", 1.0, np.nan), plots.Point("b", "", 1.0, np.inf), plots.Point("c", "", 2.0, 0.1)]
     for some in (points, points[:2]):

@@ -187,11 +187,16 @@ def write_equirect(path: Path, cube: CubeMap, height: int | None) -> None:
     write_picture(path, equirect_from_cubemap(cube, 2 * cube.size if height is None else height))
 
 
+def check_face_layout(layout: str) -> None:
+    """Raises ValueError for what is no layout of write_faces()."""
+    if layout not in LAYOUTS[1:]:
+        raise ValueError(f"layout must be one of {', '.join(LAYOUTS[1:])}, got {layout!r}")
+
+
 def write_faces(path: str | os.PathLike[str], cube: CubeMap, layout: str = "strip") -> list[Path]:
     """Writes the faces of a cube as they are, whatever its axes; layouts are those of `write_environment` except
     "equirect"."""
-    if layout not in LAYOUTS[1:]:
-        raise ValueError(f"layout must be one of {', '.join(LAYOUTS[1:])}, got {layout!r}")
+    check_face_layout(layout)
     return _write_faces(Path(path), cube.faces, layout)
 
 

@@ -18,7 +18,7 @@ from . import texels
 from . import usd as usd_files
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
 from .axes import HANDEDNESS, from_axes, handed, handedness_of, matrix, radiance_of, to_axes
-from .environment_files import CUBE_WRITERS, FACES, LAYOUTS, write_environment, write_faces
+from .environment_files import CUBE_WRITERS, FACES, check_face_layout, write_environment, write_faces
 from .gltf_light import check_gltf_size, write_gltf_light
 from .lighting import Lighting, without_lights
 from .pictures import LINEAR, write_picture
@@ -95,8 +95,8 @@ def export_light(
         raise ValueError(f"handedness must be one of {', '.join(HANDEDNESS)}, got {handedness!r}")
     if format in _CUBES:
         texels.check_level_count(levels, size)
-    elif layout not in LAYOUTS[1:]:
-        raise ValueError(f"layout must be one of {', '.join(LAYOUTS[1:])}, got {layout!r}")
+    else:
+        check_face_layout(layout)
     if picture is not None and (
         format in _CUBES or not np.size(picture) or np.shape(picture)[1:] != (2 * len(picture), 3)
     ):

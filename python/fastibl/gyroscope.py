@@ -91,8 +91,10 @@ def _unit(name: str) -> str:
 
 def _radians_a_second(unit: str, path: str | os.PathLike[str]) -> float:
     """Of a unit such as deg/s, mdps or "", which is rad/s."""
-    found = re.fullmatch(r"(m|milli)?(rad|deg|dps|°|º|1/s|s\^?-1|)\S*.*", unit)
-    if found is None or (unit and not found[2]):
+    if not unit:
+        return 1.0
+    found = re.match(r"(m|milli)?(rad|deg|dps|°|º|1/s|s\^?-1)", unit)
+    if found is None:
         raise ValueError(f"{path}: rates in {unit!r}; expected rad/s or deg/s, or thousandths of them")
     return (1e-3 if found[1] else 1.0) * (np.pi / 180 if found[2] in ("deg", "dps", "°", "º") else 1.0)
 

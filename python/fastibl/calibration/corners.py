@@ -82,21 +82,21 @@ def what_is_seen(pictures: Sequence[ArrayLike], left_out: Sequence[int], board: 
         grey, _ = grey_of(pictures[k], camera)
         why = explain_tags(grey, board)
         if why is None:
-            why = _what_lacks(find_corners(pictures[k], board, camera, refine=False).ids, pictures[k], board, camera)
+            why = _what_lacks(pictures[k], board, camera)
         said.setdefault(re.sub(r"[\d ,]+", " ", why.replace("to", "")), (why, []))[1].append(k)  # whichever tags
     alike = {k[0]: f" (and alike in {', '.join(map(str, k[1:]))})" if k[1:] else "" for _, k in said.values()}
     told = " ".join(f"In picture {k[0]}{alike[k[0]]}: {why}" for why, k in said.values())
     return f". {told}" if told else ""
 
 
-def _what_lacks(seen: Sequence[int], picture: ArrayLike, board: Board, camera: Camera) -> str:
+def _what_lacks(picture: ArrayLike, board: Board, camera: Camera) -> str:
     """Of a picture in which tags are seen, but too few."""
-    small = {*seen} - {*find_corners(picture, board, camera).ids}
-    said = f"tags {runs(seen)} are seen" + (f", of which {runs(small)} are too small to be refined" if small else "")
+    seen, refined = ({*find_corners(picture, board, camera, refine).ids} for refine in (False, True))
+    small = seen - refined
     return (
-        said[0].upper()
-        + said[1:]
-        + ("; others are out of view, too small or too blurred." if len({*seen}) < len(board.tags) else ".")
+        f"Tags {runs(seen)} are seen"
+        + (f", of which {runs(small)} are too small to be refined" if small else "")
+        + ("; others are out of view, too small or too blurred." if len(seen) < len(board.tags) else ".")
     )
 
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 from ._arguments import parser
 
@@ -21,6 +22,11 @@ def add(commands: argparse._SubParsersAction) -> None:
     p.add_argument("--only", default="", metavar="WORD", help="only cases that have this in their title")
     p.add_argument("--backend", choices=("cpu", "gl", "all"), default="all", help="default: %(default)s")
     p.add_argument("--json", type=Path, metavar="FILE", help="also write the rows there")
+
+
+def _number_or_null(value: Any) -> Any:
+    """JSON has no infinity and no NaN."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -56,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
             "machine": cpu(),
             "gl": missing or "run",
             "device": device,
-            "cases": [{k: None if v == math.inf else v for k, v in row.as_dict().items()} for row in rows],
+            "cases": [{k: _number_or_null(v) for k, v in row.as_dict().items()} for row in rows],
         }
         write_whole(arguments.json, json.dumps(found, indent=1, allow_nan=False) + "\n")
         print(f"wrote {arguments.json}")

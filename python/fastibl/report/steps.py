@@ -137,7 +137,10 @@ def sentences(results: Sequence[Result]) -> list[str]:
     name = f"{chosen.label}: {chosen.note}" if chosen.note else chosen.label
     out = [f"The default ({name}) is wrong by {percent(chosen.error)} and takes {seconds_text(chosen.time.median)}."]
     if paper is not None and paper.time is not None:
-        exact, fast = paper.error / max(chosen.error, 1e-9), paper.time.median / max(chosen.time.median, 1e-12)
+        exact, fast = (
+            max(paper.error, 1e-9) / max(chosen.error, 1e-9),
+            paper.time.median / max(chosen.time.median, 1e-12),
+        )
         out.append(
             f"The paper's ({paper.label}) is wrong by {percent(paper.error)} in {seconds_text(paper.time.median)}: the "
             f"default has {_smaller(exact)} error and is {_faster(fast)}."
@@ -146,8 +149,7 @@ def sentences(results: Sequence[Result]) -> list[str]:
 
 
 def _smaller(ratio: float) -> str:
-    if ratio <= 0:
-        return "not the paper's exact"
+    ratio = max(ratio, 1e-9)
     return f"{times(ratio)} less" if ratio > 1.1 else "about the same" if ratio > 0.9 else f"{times(1 / ratio)} the"
 
 
