@@ -93,6 +93,22 @@ def test_attitudes_of_a_steady_turn():
         Gyroscope(times, rates, mount, 0.9, drift, 0.5).attitudes([0.0])
 
 
+@pytest.mark.parametrize(
+    ("times", "rates", "mount", "said"),
+    [
+        ([0.0], [[0, 0, 0]], np.eye(3), "two readings or more at times that increase, got 1"),
+        ([0.0, 0.0], [[0, 0, 0]] * 2, np.eye(3), "times that increase"),
+        ([0.0, 1.0], [[0, 0, 0]], np.eye(3), r"rates must be \(2, 3\) of finite numbers, got \(1, 3\)"),
+        ([0.0, np.nan], [[0, 0, 0]] * 2, np.eye(3), "times must be"),
+        ([0.0, 1.0], [[0, 0, 0]] * 2, np.eye(4), r"camera_from_gyro must be \(3, 3\)"),
+        (0.0, [[0, 0, 0]], np.eye(3), r"times must be \(1,\)"),
+    ],
+)
+def test_what_is_no_gyroscope(times, rates, mount, said):
+    with pytest.raises(ValueError, match=said):
+        Gyroscope(times, rates, mount, 0.01, np.zeros(3), 0.0)
+
+
 def test_a_hole_in_the_log_is_no_turn():
     """A second of rest, two without readings, in which nobody knows what was turned, and three of rest."""
     times = np.concatenate([np.arange(0, 1, 0.01), np.arange(3, 6, 0.01)])

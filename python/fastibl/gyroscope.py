@@ -122,7 +122,8 @@ class Gyroscope:
     times: (n,) seconds of its own clock; rates: (n, 3) radians a second about its own axes. camera_from_gyro: (3, 3)
     from its axes to the camera's; deviation: its largest standard deviation about any axis, radians. drift: (3,)
     radians a second by which the camera's turns (as rotation vectors of now_from_before) exceed what the rates tell.
-    clock_offset: seconds by which its clock is ahead of the camera's.
+    clock_offset: seconds by which its clock is ahead of the camera's. Raises ValueError for times that do not increase,
+    fewer than two readings, and other shapes.
     """
 
     times: NDArray[np.float64]
@@ -131,6 +132,17 @@ class Gyroscope:
     deviation: float
     drift: NDArray[np.float64]
     clock_offset: float
+
+    def __post_init__(self) -> None:
+        n = np.size(self.times)
+        shapes = {"times": (n,), "rates": (n, 3), "camera_from_gyro": (3, 3), "drift": (3,)}
+        for name, shape in shapes.items():
+            value = np.asarray(getattr(self, name), np.float64)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"{name} must be {shape} of finite numbers, got {value.shape}")
+            object.__setattr__(self, name, value)
+        if n < 2 or not (np.diff(self.times) > 0).all():
+            raise ValueError(f"a gyroscope needs two readings or more at times that increase, got {n}")
 
     def attitudes(self, times: ArrayLike) -> list[NDArray[np.float64] | None]:
         """Attitudes of the camera at times of its own clock: Frame.attitude (3, 3), None where nothing was read.
