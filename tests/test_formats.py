@@ -392,6 +392,8 @@ def test_photographs_are_no_crosses(marked, tmp_path):
     cv2.imwrite(str(tmp_path / "photograph.png"), photograph)
     read = lambda name: fastibl.read_environment(tmp_path / name, response=fastibl.Response.srgb())  # noqa: E731
     same_error(lambda: read("photograph.png"), ValueError, "photograph.png", "corners are not empty", "twice as wide")
+    (tmp_path / "room.tif").write_bytes(b"II*")
+    same_error(lambda: read("room.tif"), ValueError, "room.tif", ".hdr, .exr, .png, .jpg, .jpeg, .ktx2, .dds")
     same_error(
         lambda: fastibl.read_environment(tmp_path / "photograph.png", response="srgb"), TypeError, "response", "str"
     )

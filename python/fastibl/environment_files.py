@@ -13,7 +13,7 @@ from . import dds, ktx2, texels
 from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equirect_from_cubemap
 from .axes import from_axes, handed, handedness_of, matrix, picture_shift, radiance_of, to_axes, turned
 from .expected import expect
-from .pictures import LINEAR, read_picture, write_picture
+from .pictures import ENCODED, LINEAR, read_picture, write_picture
 from .primaries import Given
 
 LAYOUTS = ("equirect", "faces", "strip", "cross")
@@ -58,6 +58,8 @@ def read_environment(
             raise ValueError(f"{path} holds linear radiance; a response goes with .png and .jpg")
         faces = _CUBE_READERS[path.suffix.lower()](path, primaries)[0]
         return from_axes(handed(CubeMap(faces), "left" if handedness is None else handedness, axes), axes)
+    if path.is_file() and path.suffix.lower() not in (endings := (*LINEAR, *ENCODED, *_CUBE_READERS)):
+        raise ValueError(f"{path} is no environment map that is read; those end in {', '.join(endings)}")
     image = read_picture(path, response, primaries)
     height, width = image.shape[:2]
     if width == 2 * height:
