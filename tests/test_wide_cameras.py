@@ -146,7 +146,7 @@ def test_a_mask_is_of_the_wide_picture():
     right = fastibl.texel_directions(32) @ pose.rotation.T
     seen, up = np.isfinite(capture.last_seen), fastibl.texel_directions(32)[..., 2] > 0.05
     assert not seen[up & (right[..., 0] < -0.05)].any()
-    assert seen[up & (right[..., 0] > 0.05)].all()
+    assert seen[up & (right[..., 0] > 0.1)].all()  # what is read for a texel reaches beyond it
 
 
 def test_wide_pictures_from_afar_do_not_replace_what_nearer_ones_showed():

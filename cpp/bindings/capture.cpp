@@ -56,7 +56,9 @@ first pictures show, or those of some time: what the board's white says was used
       .def_readonly("probes", &Taken::probes,
                     "Parts of the picture that the map was compared with.")
       .def("__repr__", [](const Taken& t) {
-        return "<fastibl.Taken " + how(t.as) + ", exposure " + std::to_string(t.exposure) + ">";
+        std::ostringstream text;
+        text << "<fastibl.Taken " << how(t.as) << ", exposure " << t.exposure << ">";
+        return text.str();
       });
 }
 
@@ -157,7 +159,8 @@ camera_from_marker: Pose or (4, 4).
 exposure: multiplier; None where it is not known: it is then estimated from what the map knows of the places in the
 picture, see Taken.
 time: seconds, not decreasing.
-mask: (h, w) bool or uint8, 0 where the picture shows what is not part of the place.
+mask: (h, w) bool or uint8, 0 where the picture shows what is not part of the place: no light is read there, nor lamps or
+the board's white, nor texels for which pixels beside them are read, too.
 last_row: for a rolling shutter, camera_from_marker when the picture's last row was taken; the argument
 camera_from_marker is then that of the first row. In a fisheye or 360 degree picture all rows count as taken half-way
 (10 degrees in a readout: 5 to 6 % of the texels' light).
@@ -212,12 +215,16 @@ It is shorter where texels were never seen without clipping, longer where they a
 ValueError for another camera or an invalid range.)")
       .def(
           "turn",
-          [](Capture& capture, const Pose& new_from_old) {
-            one_at_a_time(&capture, [&] { capture.turn(new_from_old.rotation); });
+          [](Capture& capture, const py::object& new_from_old) {
+            const Pose pose = require_pose(new_from_old, "new_from_old");
+            one_at_a_time(&capture, [&] { capture.turn(pose.rotation); });
           },
           py::arg("new_from_old"),
-          "Tells the capture that the marker was turned: what is above the horizon turns with the "
-          "rotation of this Pose, lights have to be located anew, and the plane is forgotten.")
+          R"(Tells the capture that the marker was turned.
+
+What is above the horizon turns, and so does a prior; lights have to be located anew, and the plane is forgotten. What the
+board's white showed of the light stays, unless the plane is tilted by more than 5 degrees.
+new_from_old: Pose or (4, 4), of which the rotation counts. Raises ValueError for what is none.)")
       .def(
           "environment",
           [](Capture& capture) {

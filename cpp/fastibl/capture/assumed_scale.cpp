@@ -55,7 +55,21 @@ void AssumedScale::move(const std::vector<int>& from) {
   for (std::size_t i = 0; i < from.size(); ++i) scales_[i] = before[std::size_t(from[i])];
 }
 
-void AssumedScale::mix() { scales_.assign(scales_.size(), kOwnScale); }
+// What was in one scale still is; of several, none is known any more.
+void AssumedScale::mix(const MapTiles& map) {
+  int common = kNoScale;
+  for (int tile = 0; tile < map.grid().count(); ++tile)
+    if (const int scale = scales_[std::size_t(tile)]; map.above(tile) && scale != kNoScale)
+      common = common == kNoScale || common == scale ? scale : kOwnScale;
+  for (int tile = 0; tile < map.grid().count(); ++tile)
+    scales_[std::size_t(tile)] = map.above(tile) && map.was_seen(tile) ? common : kNoScale;
+}
+
+bool AssumedScale::any(const MapTiles& map) const {
+  for (int tile = 0; tile < map.grid().count(); ++tile)
+    if (scales_[std::size_t(tile)] > 0 && map.was_seen(tile)) return true;
+  return false;
+}
 
 // The unseen sky is taken to be as bright as the seen part. The more was seen, the better the scale
 // is known, so the white is asked again whenever more was seen. As the same part is seen, what
@@ -95,7 +109,7 @@ void AssumedScale::mend(MapTiles& map, const glm::dvec3& plane_irradiance, doubl
     const std::size_t i = std::size_t(tile);
     if (!map.above(tile) || scales_[i] <= 0 || map.sums[i].count == 0) continue;
     scale_texels(map.state, map.geometry.start(tile), map.geometry.texels(tile), float(*mend));
-    map.sum(tile);
+    map.sum(tile), map.make_levels(tile);
     changed.push_back(tile);
   }
   std::sort(changed.begin(), changed.end());

@@ -22,7 +22,9 @@ class AssumedScale {
   void know(int camera);
   // For when tiles now show what others did: by tile, which.
   void move(const std::vector<int>& from);
-  void mix();  // tiles, so that none is known to be in an assumed scale
+  // For when each tile of the sky now shows parts of several others, and the plane nothing.
+  void mix(const MapTiles& map);
+  bool any(const MapTiles& map) const;  // whether the map holds anything in an assumed scale
   // Makes what is in an assumed scale as bright as the board's white says; appends such tiles.
   void mend(MapTiles& map, const glm::dvec3& plane_irradiance, double time,
             std::vector<int>& changed);

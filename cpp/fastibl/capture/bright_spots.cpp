@@ -18,7 +18,7 @@ struct Spot {
   double solid_angle = 0;
   int blocks = 0;
   double rows = 0;   // sum over its blocks
-  bool cut = false;  // by the picture's border
+  bool cut = false;  // by the picture's border, or by what is hidden
 };
 
 }  // namespace
@@ -26,7 +26,8 @@ struct Spot {
 std::optional<std::vector<BrightSpot>> find_bright_spots(const PixelReader& pixels,
                                                          const Camera& camera, const Lens& lens,
                                                          const RowPoses& camera_from_marker,
-                                                         double exposure, double radiance) {
+                                                         double exposure, double radiance,
+                                                         const PictureMask& hidden) {
   const double threshold = radiance * exposure * camera.gain;
   if (!(threshold >= kLeastLinear && threshold <= kMostLinear)) return std::nullopt;
   const int step = std::max(1, (camera.width + kColumns / 2) / kColumns);
@@ -46,13 +47,19 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const PixelReader& pixe
     return sum / (kSamples * kSamples);
   };
 
+  // beside: with so many blocks around it.
+  const auto is_hidden = [&](int x, int y, int beside) {
+    return hidden.hides_any((x - beside) * step, (y - beside) * step, (x + beside + 1) * step,
+                            (y + beside + 1) * step);
+  };
+
   // Rows of runs would do, too, but so few pixels are bright that a flood fill costs nothing.
   std::vector<std::uint8_t> bright(std::size_t(width * height));
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       double limit = threshold;
       if (!camera.vignetting.empty()) limit *= camera.vignette({middle(x), middle(y)});
-      bright[std::size_t(y * width + x)] = block(x, y) > limit;
+      bright[std::size_t(y * width + x)] = block(x, y) > limit && !is_hidden(x, y, 0);
     }
 
   const double block_area = double(step * step) / (camera.fx * camera.fy);
@@ -66,7 +73,7 @@ std::optional<std::vector<BrightSpot>> find_bright_spots(const PixelReader& pixe
     while (!open.empty()) {
       const int x = open.back() % width, y = open.back() / width;
       open.pop_back();
-      spot.cut |= x == 0 || y == 0 || x == width - 1 || y == height - 1;
+      spot.cut |= x == 0 || y == 0 || x == width - 1 || y == height - 1 || is_hidden(x, y, 1);
       if (const auto ray = lens.unproject({middle(x), middle(y)})) {
         const double length = glm::length(*ray), angle = block_area / (length * length * length);
         spot.sum += *ray * (angle / length);

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/picture_mask.h"
 #include "fastibl/capture/row_poses.h"
 #include "fastibl/capture/sensor_noise.h"
 #include "fastibl/capture/texel_view.h"
@@ -46,11 +47,13 @@ struct PosedPicture {
   PixelReader pixels() const { return {picture, side.camera.response, side.bytes}; }
   Pose half() const { return poses.at(0.5); }  // of the middle row
   glm::dvec3 eye() const { return half().inverse().translation; }
+  bool shows(int x, int y) const { return mask.empty() || *mask.pixel(x, y) != 0; }
 
   const Picture& picture;
   CameraSide& side;
   RowPoses poses;                      // camera_from_marker
-  ImageView<const std::uint8_t> mask;  // as for Capture
+  ImageView<const std::uint8_t> mask;  // as for Capture, and 0 in the margins of a wide one's side
+  const PictureMask& hidden;           // as was given to Capture
 };
 
 }  // namespace fastibl

@@ -24,7 +24,7 @@ void check_given(const Picture& picture, const Camera& camera, const Pose& camer
         picture.width, " × ", picture.height);
   check_picture(picture);
   check_rows(mask, "the mask");
-  check(mask.empty() ||
+  check(mask.data == nullptr ||
             (mask.width == camera.width && mask.height == camera.height && mask.channels == 1),
         "the mask must be the camera's ", camera.width, " × ", camera.height,
         " of one channel, got ", mask.width, " × ", mask.height, " of ", mask.channels);
@@ -36,7 +36,8 @@ void check_given(const Picture& picture, const Camera& camera, const Pose& camer
         "a tint must be positive and finite, got ", tint.x, " ", tint.y, " ", tint.z);
 }
 
-constexpr double kMostBoost = 1e4;  // a sun is 1e5 times as bright as its sky
+constexpr double kMostBoost = 1e4;    // a sun is 1e5 times as bright as its sky
+constexpr double kSamePlane = 0.996;  // cosine between planes on which the same light falls
 
 }  // namespace
 
@@ -64,9 +65,9 @@ Taken Capture::add(const Picture& picture, const Camera& camera, const Pose& cam
   if (last_camera_ != camera) last_camera_ = camera;
   const GivenPicture given{picture, RowPoses(camera_from_marker, last_row), mask};
   const double bright = MainLightOptions{}.brightness * fills_.mean_radiance(map_);
-  const Taken taken = judge(given, exposure, tint, known);
+  const Taken taken = judge(given, exposure, tint, plane, known);
   if (taken.as == TakenAs::left_out) return taken;
-  ++added_;
+  ++changes_made_;
   const Taking how{taken, time, bright, plane, clips_in_all(taken, known)};
   std::vector<int> changed;
   bool any = false, metered = false;
@@ -96,7 +97,7 @@ double Capture::most_boost() const {
 }
 
 Taken Capture::judge(const GivenPicture& given, std::optional<double> exposure,
-                     const glm::dvec3& tint, KnownCamera& known) {
+                     const glm::dvec3& tint, bool plane, KnownCamera& known) {
   Taken taken{.exposure = exposure.value_or(1)};
   ExposureDoubt& doubt = known.doubt;
   if (exposure) doubt.tell();
@@ -110,13 +111,26 @@ Taken Capture::judge(const GivenPicture& given, std::optional<double> exposure,
     if (doubt.found_change()) distrust(*doubt.found_change());
     if (taken.as == TakenAs::left_out) return taken;
     if (taken.as == TakenAs::assumed) {
-      taken.exposure =
-          meter_.assumed_exposure(given.picture, known.camera()).value_or(taken.exposure);
+      if (const auto shown = assumed_exposure(given, known, plane))
+        taken.exposure = *shown / grey(tint);
       doubt.assume(taken.exposure);
     }
   }
   taken.tint *= tint;
   return taken;
+}
+
+// By the board's white, or else by how bright the picture is.
+std::optional<double> Capture::assumed_exposure(const GivenPicture& given, KnownCamera& known,
+                                                bool plane) {
+  std::optional<double> exposure;
+  PictureMean mean;
+  known.each_side(given, [&](const PosedPicture& posed) {
+    mean.add(posed);
+    if (known.perspective() && plane) exposure = meter_.exposure_by_white(posed);
+  });
+  if (exposure) known.metered = true;
+  return exposure ? exposure : meter_.exposure_by_mean(mean);
 }
 
 void Capture::learn_layout(const PosedPicture& posed, const Taking& how) {
@@ -138,8 +152,11 @@ void Capture::turn(const glm::dmat3& new_from_old) {
   check(is_rotation(new_from_old, 1e-3), "a map can only be turned by a rotation");
   turn_map(new_from_old, map_);
   place_.turn(new_from_old, map_.geometry.outlines);
-  views_.mix(), scale_.mix();
-  fills_.turn(time_, map_);
+  views_.mix(), scale_.mix(map_);
+  // Another plane now, on which other light falls.
+  if (new_from_old[2][2] < kSamePlane) meter_.forget();
+  fills_.turn(new_from_old, meter_.irradiance(), time_, map_);
+  ++changes_made_;
 }
 
 void Capture::distrust(const glm::dvec3& log_change) {
@@ -149,6 +166,8 @@ void Capture::distrust(const glm::dvec3& log_change) {
 }
 
 bool Capture::read_meter(const PosedPicture& posed, KnownCamera& known, const Taken& taken) {
+  // What another camera showed of the white is not to be replaced by a guess.
+  if (known.doubt.assumed() && !known.metered && meter_.irradiance()) return false;
   if (!meter_.read(posed, taken, time_)) return false;
   if (!std::exchange(known.metered, true)) scale_.know(known.first);
   fills_.measure_plane(*meter_.irradiance());
@@ -156,7 +175,7 @@ bool Capture::read_meter(const PosedPicture& posed, KnownCamera& known, const Ta
 }
 
 double Capture::scale_error() const {
-  if (!cameras_.any_assumed()) return 0;
+  if (!cameras_.any_assumed() && !scale_.any(map_)) return 0;
   const glm::dvec3 sky = map_.seen_sky_irradiance() + fills_.sky_irradiance(map_);
   return fastibl::scale_error(sky, meter_.irradiance());
 }

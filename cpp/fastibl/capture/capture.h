@@ -59,9 +59,14 @@ class Capture {
             const std::optional<Pose>& last_row = {}, const glm::dvec3& tint = glm::dvec3(1),
             bool plane = true, int number = 0);
 
-  // For when the marker was turned: what is above the horizon turns with new_from_old, lights must
-  // be located anew, and the plane is forgotten.
+  // For when the marker was turned: what is above the horizon turns with new_from_old, and so does
+  // the prior; lights must be located anew, and the plane is forgotten. What the board's white
+  // showed of the light stays, unless the plane is tilted by more than 5 degrees.
   void turn(const glm::dmat3& new_from_old);
+
+  // Whether pictures tell from now on how far things are, where neither a distance nor a box was
+  // given. What was found stays; a map of which nothing was seen takes all light to be distant.
+  void find_distance(bool find) { place_.find_distance(find); }
 
   // The map at the time of the last picture, without holes: unseen texels take a mean of what was
   // seen near them on their side of the horizon, at confidence 0 and up to a second late. An
@@ -84,14 +89,16 @@ class Capture {
   // How often everything that a camera without told exposures had shown was made brighter or darker
   // as a whole, so that the sky lights the board as its white says.
   int mended() const { return scale_.mended(); }
-  int added() const { return added_; }  // pictures that were not left out
+  // How often the map changed: by pictures that were not left out, and by turns.
+  int changes_made() const { return changes_made_; }
   // 6 n²: time at which each texel was last seen; −∞ if never.
   std::vector<double> last_seen() const { return map_.last_seen(); }
 
  private:
   // How bright a picture is taken to be, by the exposure that came with it and what the map knows.
   Taken judge(const GivenPicture& given, std::optional<double> exposure, const glm::dvec3& tint,
-              KnownCamera& known);
+              bool plane, KnownCamera& known);
+  std::optional<double> assumed_exposure(const GivenPicture& given, KnownCamera& known, bool plane);
   // Notes that all of the map may be wrong by this factor, ln by channel.
   void distrust(const glm::dvec3& log_change);
   // Whether what clips in this picture clips in every exposure, as far as is known.
@@ -104,7 +111,7 @@ class Capture {
   void learn_layout(const PosedPicture& posed, const Taking& how);
 
   CaptureOptions options_;
-  int added_ = 0;
+  int changes_made_ = 0;
   double time_ = -1e30;
   std::optional<Camera> last_camera_;
   KnownCameras cameras_;

@@ -236,6 +236,25 @@ void sample_quarters(const FrameLevels& levels, const Sightings& s, int count, S
 
 }  // namespace
 
+PixelBox footprint_box(float x, float y, float pixels) {
+  // The first of the two pixels that a look-up reads along an axis, and how wide they are.
+  const auto width = [](float area) {
+    int wide = 2;
+    for (area /= kPixelsOfFirst; area > kBlendBegin && wide < 1 << FrameLevels::kMost; area /= 4)
+      wide *= 2;
+    return wide;
+  };
+  const auto first = [](float at, int wide) {
+    return int(std::floor(at / float(wide) - 0.5f)) * wide;
+  };
+  const float off = 0.25f * std::sqrt(std::max(pixels, 0.0f));  // of quarters
+  const int whole = width(pixels), part = width(0.5f * pixels);
+  return {std::min(first(x, whole), first(x - off, part)),
+          std::min(first(y, whole), first(y - off, part)),
+          std::max(first(x, whole) + 2 * whole, first(x + off, part) + 2 * part),
+          std::max(first(y, whole) + 2 * whole, first(y + off, part) + 2 * part)};
+}
+
 int levels_for(float most_pixels) {
   float area = most_pixels / kPixelsOfFirst;
   int levels = 1;

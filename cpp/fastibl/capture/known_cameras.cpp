@@ -5,7 +5,8 @@
 namespace fastibl {
 namespace {
 
-constexpr std::size_t kCameras = 4;  // remembered of each kind: those used last
+// Remembered: those used last. A wide one holds 9 bytes for each pixel of its sides.
+constexpr std::size_t kCameras = 16, kWideCameras = 4;
 // Exposures that differ by less are one: cameras round them.
 constexpr double kSameExposure = 1.5;
 // Of the longest to the shortest exposure: cameras that follow the light alone seldom have that.
@@ -31,7 +32,8 @@ bool KnownCamera::note_exposure(double exposure) {
 bool KnownCamera::brackets() const { return longest_ >= kBracket * shortest_; }
 
 KnownCamera& KnownCameras::get(const Camera& camera, int number, int texels) {
-  std::vector<KnownCamera>& all = camera.model == CameraModel::perspective ? perspective_ : wide_;
+  const bool perspective = camera.model == CameraModel::perspective;
+  std::vector<KnownCamera>& all = perspective ? perspective_ : wide_;
   ++used_;
   for (KnownCamera& known : all)
     if (known.is(camera, number)) {
@@ -39,7 +41,8 @@ KnownCamera& KnownCameras::get(const Camera& camera, int number, int texels) {
       return known;
     }
   camera.validate();
-  if (all.size() == kCameras) {  // a zoom makes a new one for each picture
+  if (all.size() ==
+      (perspective ? kCameras : kWideCameras)) {  // a zoom makes a new one for each picture
     const auto oldest = std::min_element(
         all.begin(), all.end(),
         [](const KnownCamera& a, const KnownCamera& b) { return a.used < b.used; });

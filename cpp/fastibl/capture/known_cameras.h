@@ -37,11 +37,14 @@ class KnownCamera {
   // Visits what each side shows of a picture, which is valid until the next one is visited.
   template <class Visit>
   void each_side(const GivenPicture& given, const Visit& visit) {
-    if (perspective()) visit(PosedPicture{given.picture, sides_.front(), given.poses, given.mask});
+    if (perspective()) {
+      const PictureMask hidden(given.mask);
+      visit(PosedPicture{given.picture, sides_.front(), given.poses, given.mask, hidden});
+    }
     for (std::size_t i = 0; i < wide_.size(); ++i) {
       shown_.take(wide_[i], given.picture, given.mask);
       const RowPoses poses(wide_[i].side_from_camera * given.poses.at(0.5));
-      visit(PosedPicture{shown_.picture(), sides_[i], poses, shown_.mask()});
+      visit(PosedPicture{shown_.picture(), sides_[i], poses, shown_.mask(), shown_.hidden()});
     }
   }
 

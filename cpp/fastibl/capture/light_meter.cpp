@@ -15,6 +15,7 @@ constexpr int kAcross = 40;  // places along the longer side of the page
 constexpr double kMargin = 0.004, kMarginShare = 1 / 75.0;
 constexpr double kLeastPixels = 2.5;     // from a place to the nearest ink: more than lens blur
 constexpr std::size_t kLeastPlaces = 8;  // needed to tell an irradiance
+constexpr int kBeside = 2;               // pixels from what is masked, which lens blur spreads
 constexpr double kSteepest = 0.17;       // sine of the view above the plane: paper shines below
 
 double distance_to_segment(const glm::dvec2& p, const glm::dvec2& a, const glm::dvec2& b) {
@@ -65,7 +66,7 @@ LightMeter::LightMeter(const Board& board, double albedo) : albedo_(albedo) {
 
 std::optional<glm::dvec3> LightMeter::read(const PixelReader& pixels, const Camera& camera,
                                            const Lens& lens, const Pose& camera_from_marker,
-                                           double exposure) const {
+                                           double exposure, const PictureMask& hidden) const {
   const glm::dvec3 eye = camera_from_marker.inverse().translation;
   if (!(eye.z > kSteepest * glm::length(eye))) return std::nullopt;
   std::vector<float> values[3];
@@ -78,6 +79,7 @@ std::optional<glm::dvec3> LightMeter::read(const PixelReader& pixels, const Came
           pixel->y < camera.height - 1))
       continue;
     const int x = int(pixel->x), y = int(pixel->y);
+    if (hidden.hides_any(x - kBeside, y - kBeside, x + kBeside + 1, y + kBeside + 1)) continue;
     // The plane is foreshortened most along the view.
     const double distance = glm::length(seen), sine = eye.z / distance;
     if (place.free * sine * std::min(camera.fx, camera.fy) / distance < kLeastPixels) continue;

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "fastibl/capture/picture_mask.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/core/vector.h"
 #include "fastibl/scene/board.h"
@@ -23,7 +24,8 @@ class LightMeter {
   // Irradiance of the plane, RGB: the median of white places, so that less than half of them may be
   // shadowed or hidden. std::nullopt if too few of them are seen large enough, or they are clipped.
   std::optional<glm::dvec3> read(const PixelReader& pixels, const Camera& camera, const Lens& lens,
-                                 const Pose& camera_from_marker, double exposure) const;
+                                 const Pose& camera_from_marker, double exposure,
+                                 const PictureMask& hidden = {}) const;
 
  private:
   struct Place {

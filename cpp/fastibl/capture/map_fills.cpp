@@ -27,14 +27,19 @@ MapFills::MapFills(const CaptureOptions& options, MapTiles& map)
       filled_(std::size_t(map.grid().count())),
       stale_fill_(std::size_t(map.grid().count()), 0) {
   if (options.prior) {
-    prior_.emplace(*options.prior, map.grid());
-    unseen_.give_sky();
+    prior_.emplace(options.prior, map.grid());
     for (int tile = 0; tile < map.grid().count(); ++tile)
-      if (map.above(tile)) sky_.push_back(tile), unseen_.give(tile, prior_->mean(tile));
+      if (map.above(tile)) sky_.push_back(tile);
+    give_prior();
     std::vector<int> all;
     unseen_.update({}, map.sums, map.geometry.tile_projected, 0, true, all);
   }
   for (int tile = 0; tile < map.grid().count(); ++tile) refill(tile, map);
+}
+
+void MapFills::give_prior() {
+  unseen_.give_sky();
+  for (const int tile : sky_) unseen_.give(tile, prior_->mean(tile));
 }
 
 double MapFills::mean_radiance(const MapTiles& map) const {
@@ -56,8 +61,8 @@ void MapFills::measure_plane(const glm::dvec3& irradiance) {
 }
 
 int MapFills::refills_after(double time, bool still) const {
-  const double share =
-      still ? 1 : std::clamp((time - last_taken_) / kRefillTime, kLeastRefill, 1.0);
+  const bool all = still || (time == last_taken_ && all_then_);
+  const double share = all ? 1 : std::clamp((time - last_taken_) / kRefillTime, kLeastRefill, 1.0);
   return int(share * double(filled_.size()));
 }
 
@@ -65,7 +70,7 @@ void MapFills::take(const std::vector<int>& changed, int refills,
                     const std::optional<glm::dvec3>& plane_irradiance, double time, MapTiles& map) {
   const int all = map.grid().count();
   std::vector<int> refilled, boosted;
-  last_taken_ = time;
+  last_taken_ = time, all_then_ = refills == all;
   new_sums_.insert(new_sums_.end(), changed.begin(), changed.end());
   if (plane_irradiance) boosted = weigh_bounds(*plane_irradiance, map);
   const bool unmatched = prior_ && !prior_->matched();
@@ -117,9 +122,11 @@ void MapFills::renew(double time, MapTiles& map) {
     if (!refill(tile, map)) map.make_levels(tile);
 }
 
-void MapFills::turn(double time, MapTiles& map) {
-  prior_.reset(), sky_.clear();
+void MapFills::turn(const glm::dmat3& new_from_old,
+                    const std::optional<glm::dvec3>& plane_irradiance, double time, MapTiles& map) {
   unseen_ = UnseenTiles(map.grid(), plane_albedo_);
+  if (prior_) prior_->turn(new_from_old), give_prior();
+  if (plane_irradiance) measure_plane(*plane_irradiance);
   renew(time, map);
 }
 

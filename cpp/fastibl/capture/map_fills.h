@@ -1,6 +1,7 @@
 // What a map holds for light that no picture shows: where none has seen, and of lights that clip.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -25,7 +26,8 @@ class MapFills {
   double flux(int tile, const MapTiles& map) const {
     const std::size_t i = std::size_t(tile);
     const glm::dvec3 fill(filled_[i]);
-    return (map.geometry.tile_angle[i] - map.sums[i].angle) * (fill.x + fill.y + fill.z);
+    return std::max(map.geometry.tile_angle[i] - map.sums[i].angle, 0.0) *
+           (fill.x + fill.y + fill.z);
   }
   double mean_radiance(const MapTiles& map) const;  // 0, not a guess, where nothing was seen
   // Irradiance of the plane from the unseen part of the sky.
@@ -38,7 +40,8 @@ class MapFills {
   bool boosts() const { return most_boost_ > 1; }
   const ClippedLights& clipped_lights() const { return clipped_; }
   // How many tiles may get new values for their unseen texels, if a picture is taken at `time`.
-  // still: pictures without times of their own, no film.
+  // still: pictures without times of their own, no film. What other cameras took at a time that
+  // came long after the one before it counts as much as the first of these pictures.
   int refills_after(double time, bool still) const;
   // What follows from tiles that a picture changed at `time`. plane_irradiance: as the board's
   // white showed it last.
@@ -48,13 +51,15 @@ class MapFills {
   void refill(const std::vector<int>& changed, MapTiles& map);
   // For when all of the map was made anew,
   void renew(double time, MapTiles& map);
-  // and for when the marker was turned, too: the plane and the prior are as it lay before.
-  void turn(double time, MapTiles& map);
+  // and for when the marker was turned, too. plane_irradiance: as the board's white still tells it.
+  void turn(const glm::dmat3& new_from_old, const std::optional<glm::dvec3>& plane_irradiance,
+            double time, MapTiles& map);
 
  private:
   // Gives the tile's unseen texels their value; false if there are none.
   bool refill(int tile, MapTiles& map);
   void refill_from_prior(int tile, MapTiles& map);
+  void give_prior();  // to unseen_
   void refill_stale(int refills, std::uint64_t version, MapTiles& map);
   // Whether the value of the tile's unseen texels is close to what it should be.
   bool is_small_refill(int tile) const;
@@ -76,6 +81,7 @@ class MapFills {
   std::vector<int> new_sums_;             // tiles that unseen_ does not know yet
   int next_refill_ = 0, pictures_ = 0;
   double last_taken_ = -1e30;  // seconds
+  bool all_then_ = false;      // whether all tiles could get new values then
 };
 
 }  // namespace fastibl

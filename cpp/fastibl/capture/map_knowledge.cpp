@@ -37,10 +37,11 @@ MapShares shares_of(const MapTiles& map, const MapFills& fills) {
   const double boosted = lights.boosted(), doubt = lights.doubt();
   flux += boosted, up_flux += boosted;
   MapShares shares;
-  shares.coverage = seen / (4 * std::numbers::pi);
+  // Sums of texels' angles differ from those of tiles by rounding.
+  shares.coverage = std::min(seen / (4 * std::numbers::pi), 1.0);
   shares.clipped = seen > 0 ? bound / seen : 0;
   MapKnowledge& knowledge = shares.knowledge;
-  knowledge.unseen_sky = 1 - up_seen / up;
+  knowledge.unseen_sky = std::max(1 - up_seen / up, 0.0);
   knowledge.unseen_flux = flux > 0 ? unseen / flux : 1;
   knowledge.guessed_plane = flux > 0 ? little_of(plane_seen) * plane_unseen / flux : 0;
   knowledge.bound_flux = up_flux > 0 ? bound_flux / up_flux : 0;

@@ -37,7 +37,13 @@ bool PictureReader::read(const Depth& depth, int count, bool fine, Sightings& si
 void PictureReader::leave_out_masked(int count, Sightings& sightings) const {
   for (int i = 0; i < count; ++i)
     if (sightings.seen[i])
-      sightings.seen[i] = *posed_.mask.pixel(int(sightings.x[i]), int(sightings.y[i])) != 0;
+      sightings.seen[i] = posed_.shows(int(sightings.x[i]), int(sightings.y[i]));
+  if (posed_.hidden.empty()) return;
+  for (int i = 0; i < count; ++i) {
+    if (!sightings.seen[i]) continue;
+    const PixelBox box = footprint_box(sightings.x[i], sightings.y[i], sightings.pixels[i]);
+    sightings.seen[i] = !posed_.hidden.hides_any(box.x0, box.y0, box.x1, box.y1);
+  }
 }
 
 void PictureReader::leave_out_hidden(int count, Sightings& sightings) const {

@@ -105,7 +105,7 @@ void PictureTaker::leave_out_quiet_tiles() {
 std::vector<std::vector<int>> PictureTaker::quiet_groups() const {
   std::vector<std::vector<int>> groups(std::size_t(12 * bands_.count()));
   for (const int tile : tiles_)
-    if (map_.quiet.may_leave_out(tile, how_.time) && is_usual(tile)) {
+    if (map_.was_seen_whole(tile) && map_.quiet.may_leave_out(tile, how_.time) && is_usual(tile)) {
       const int group = 2 * (tile / map_.grid().per_face()) + map_.above(tile);
       groups[std::size_t(12 * bands_.band(tile) + group)].push_back(tile);
       prefetch_items(map_.quiet.value(tile, 0), 6 * QuietTiles::kProbes);
@@ -203,10 +203,12 @@ bool PictureTaker::add_tile(int tile) {
     bands_.unroll(tile, 0, count, sightings);
     rim |=
         reader_.read(group.depth, count, views_.at_rim[std::size_t(tile)] != 0, sightings, samples);
+    const auto hidden = std::count(sightings.seen, sightings.seen + count, 0);
+    whole &= hidden == 0;
+    if (hidden == count) continue;
     const TileSighting part = sighting(tile, sightings, samples, 0, count);
     shown = any ? joined(shown, part) : part;
     any = true;
-    whole &= std::count(sightings.seen, sightings.seen + count, 0) == 0;
     alignas(64) float left[kTexelLanes];
     // Single texels need times of their own where not all are seen, or not all at once.
     const bool once = count == all && whole && map_.state.last_seen.same(tile);

@@ -66,7 +66,8 @@ std::vector<int> PlaceLayout::locate_lights(const PosedPicture& posed, const Til
   const Camera& camera = side.camera;
   std::optional<std::vector<BrightSpot>> spots;
   if (locate_lights_) {
-    spots = find_bright_spots(posed.pixels(), camera, side.lens, posed.poses, exposure, bright);
+    spots = find_bright_spots(posed.pixels(), camera, side.lens, posed.poses, exposure, bright,
+                              posed.hidden);
     if (!spots) return {};
   }
   side.looked_from = eye, side.looked_at = time;

@@ -30,6 +30,8 @@ class PlaceLayout {
   Viewpoint viewpoint() const { return {centre_, surroundings_, masked_}; }
   bool on_page(const glm::dvec2& point) const;  // whether a point of the plane is on the board
 
+  void find_distance(bool find) { find_surface_ = find; }
+
   // Compares a picture with earlier ones, and says where things are if that is not where they were
   // thought to be. Only where neither a distance nor a box was given.
   std::optional<MapSurface> find_surface(const PosedPicture& posed);

@@ -1,6 +1,7 @@
 // A map from before, which stands for what no picture has seen.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -14,7 +15,9 @@ namespace fastibl {
 class PriorMap {
  public:
   // A map of another size than the grid's is read from its MIP level, or interpolated.
-  PriorMap(const CubeMap& map, TileGrid grid);
+  PriorMap(std::shared_ptr<const CubeMap> map, TileGrid grid);
+  // For when the marker was turned.
+  void turn(const glm::dmat3& new_from_old);
 
   // Finds the brightness of the place now relative to then, by channel: the median over tiles that
   // were seen nearly whole; where these are few, the light that falls on the plane divided by what
@@ -34,6 +37,11 @@ class PriorMap {
   }
 
  private:
+  void read();
+
+  std::shared_ptr<const CubeMap> map_;
+  TileGrid grid_;
+  glm::dmat3 now_from_then_{1};
   std::size_t stride_;
   std::vector<glm::vec3> texels_, means_;
   glm::vec3 gain_{1};

@@ -133,10 +133,14 @@ void SidePicture::take(const WideSide& side, const Picture& wide,
   picture_ = {pixels_.data(), wide.type, side.camera.width, side.camera.height,
               std::ptrdiff_t(pixel) * side.camera.width};
   mask_ = side.own.view();
+  hidden_ = {};
   if (mask.empty()) return;
-  masked_ = side.own;
+  masked_ = Image<std::uint8_t>(side.camera.width, side.camera.height, 1, 1);
   for (std::size_t i = 0; i < count; ++i)
-    if (masked_.data[i]) masked_.data[i] = *mask.pixel(side.from[i].x, side.from[i].y);
+    if (!is_nothing(side.from[i])) masked_.data[i] = *mask.pixel(side.from[i].x, side.from[i].y);
+  hidden_ = PictureMask(masked_.view());
+  for (std::size_t i = 0; i < count; ++i)
+    if (!side.own.data[i]) masked_.data[i] = 0;
   mask_ = masked_.view();
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "fastibl/capture/picture_mask.h"
 #include "fastibl/core/image.h"
 #include "fastibl/core/pose.h"
 #include "fastibl/scene/camera.h"
@@ -36,12 +37,14 @@ class SidePicture {
   void take(const WideSide& side, const Picture& wide, ImageView<const std::uint8_t> mask);
   const Picture& picture() const { return picture_; }
   ImageView<const std::uint8_t> mask() const { return mask_; }
+  const PictureMask& hidden() const { return hidden_; }  // what the mask that was given hides
 
  private:
   Picture picture_;
   ImageView<const std::uint8_t> mask_;
   std::vector<std::uint8_t> pixels_;
   Image<std::uint8_t> masked_;
+  PictureMask hidden_;
 };
 
 }  // namespace fastibl
