@@ -67,3 +67,17 @@ def test_what_shows_no_white_is_refused(film):
     capture.add(np.zeros_like(film[0].back), film.rig.back, film.truth.pose(film[0].time))
     with pytest.raises(LookupError, match="no picture"):
         camera_ratio(capture.environment())
+
+
+def test_light_that_clips_in_all_pictures_is_told(film):
+    """A lamp of which the front camera's only exposure shows the outline alone."""
+    recording = fastibl.simulate(seconds=2, fps=8, size=(320, 240), front_exposures=lambda last: last)
+    session = fastibl.Session(fastibl.Scene(fastibl.shapes.figurine(), spheres=0), recording.rig, recording.board)
+    for frame in recording:
+        result = session.process(frame)
+    known = result.environment.knowledge
+    share = known["boosted_flux"] + known["bound_flux"]
+    print(f"{share:.3f} of the light clips")
+    assert share > 0.1
+    with pytest.warns(UserWarning, match="of the light clips in all pictures"):
+        assert fastibl.white.camera_ratio(result.environment).clipped == pytest.approx(share)
