@@ -19,12 +19,19 @@ PlaneExchange of_mesh(const Mesh& mesh, int cells) {
   return PlaneExchange(mesh, mesh_visibility(mesh, options, let_signals_through), cells);
 }
 
+void require_finite(const Floats& exitance) {
+  for (py::ssize_t i = 0; i < exitance.size(); ++i)
+    if (!std::isfinite(exitance.data()[i]))
+      throw py::value_error("exitance must be finite, got " + std::to_string(exitance.data()[i]));
+}
+
 Image<float> require_cells(const py::object& object, const PlaneExchange& exchange) {
   const Floats array = require_vectors(object, "exitance");
   const py::ssize_t n = exchange.cells();
   if (array.ndim() != 3 || array.shape(0) != n || array.shape(1) != n)
     throw py::value_error("exitance must have shape (" + std::to_string(n) + ", " +
                           std::to_string(n) + ", 3), got " + shape_of(array));
+  require_finite(array);
   Image<float> image(exchange.cells(), exchange.cells(), 3);
   std::copy_n(array.data(), array.size(), image.data.begin());
   return image;
@@ -70,13 +77,14 @@ light in both directions is then a sum. Raises ValueError for another number of 
           "onto_plane",
           [](const PlaneExchange& exchange, const py::object& exitance) {
             const Floats in = require_vectors(exitance, "exitance");
+            require_finite(in);
             return image_array(exchange.onto_plane({vectors(in), std::size_t(in.size() / 3)}));
           },
           py::arg("exitance"),
           R"(Irradiance of the cells (cells, cells, 3), float32; row 0 has the smallest y.
 
 exitance: (v, 3) light that each vertex sends out, which is its irradiance times its diffuse reflectance.
-Raises ValueError for another number of vertices.)")
+Raises ValueError for another number of vertices, and for what is not finite.)")
       .def(
           "onto_object",
           [](const PlaneExchange& exchange, const py::object& exitance) {
@@ -90,7 +98,7 @@ Raises ValueError for another number of vertices.)")
           R"(Irradiance of each vertex (v, 3) from cells that send out exitance (cells, cells, 3).
 
 This is linear, so it also works for changes, such as the light that a shadow on the plane takes from the object. Raises
-ValueError for another shape, TypeError for integers.)")
+ValueError for another shape and what is not finite, TypeError for integers.)")
       .def_property_readonly("cells", &PlaneExchange::cells, "Number of cells along an edge.")
       .def_property_readonly("extent", &PlaneExchange::extent,
                              "Half the edge of the area of all cells, metres.")

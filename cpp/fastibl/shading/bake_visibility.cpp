@@ -8,6 +8,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/octahedral.h"
+#include "fastibl/scene/stray_vertices.h"
 
 namespace fastibl {
 namespace {
@@ -126,7 +127,9 @@ FASTIBL_CLONES void keep_above(const float* x, const float* y, const float* z, i
 
 }  // namespace
 
-float ray_offset(const Mesh& mesh) { return kOffset * bounds(mesh.vertices).radius(); }
+float ray_offset(const Mesh& mesh) {
+  return kOffset * bounds(without_strays(mesh).vertices).radius();
+}
 
 VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
                                std::span<const glm::vec3> normals, int size,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "fastibl/core/parallel.h"
 #include "fastibl/scene/bvh.h"
 #include "fastibl/scene/octahedral.h"
+#include "fastibl/scene/stray_vertices.h"
 #include "fastibl/shading/bake_visibility.h"
 
 namespace fastibl {
@@ -124,13 +126,18 @@ Mesh cut_around(const Mesh& mesh, glm::vec3 centre, float radius) {
 Holdouts make_holdouts(std::vector<Mesh> meshes, glm::vec3 centre, float radius) {
   check(radius > 0 && std::isfinite(radius), "an object's radius must be above 0, got ", radius);
   Holdouts holdouts;
+  float offset = std::numeric_limits<float>::infinity();
   for (const Mesh& mesh : meshes) {
     mesh.validate();
-    append(mesh, centre, holdouts.mesh);
+    const Mesh whole = without_strays(mesh);
+    append(whole, centre, holdouts.mesh);
+    offset = std::min(offset, ray_offset(whole));
   }
   if (!meshes.empty()) {
     holdouts.mesh = cut_around(holdouts.mesh, centre, radius);
-    holdouts.own = mesh_visibility(holdouts.mesh, {kSize});
+    // What stands elsewhere is no measure of where rays start here.
+    holdouts.own = visibility_at(Bvh(holdouts.mesh), std::min(offset, kOffset * radius),
+                                 holdouts.mesh.vertices, vertex_normals(holdouts.mesh), kSize, {});
   }
   holdouts.normals = holdouts.mesh.normals;
   holdouts.meshes = std::move(meshes);

@@ -5,11 +5,13 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <utility>
 
 #include "fastibl/core/check.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/simd.h"
 #include "fastibl/scene/octahedral.h"
+#include "fastibl/scene/stray_vertices.h"
 
 namespace fastibl {
 namespace {
@@ -221,7 +223,8 @@ PlaneExchange::PlaneExchange(const Mesh& mesh, const VertexVisibility& visibilit
         mesh.vertices.size(), " vertices, got ", visibility.vertex_count());
   std::vector<glm::vec3> vertices;
   for (const glm::vec3& v : mesh.vertices) vertices.emplace_back(standing * glm::dvec3(v));
-  const Bounds box = bounds(vertices);
+  Mesh placed{vertices, mesh.triangles};
+  const Bounds box = bounds(without_strays(std::move(placed)).vertices);
   const glm::vec3 size = box.upper - box.lower;
   size_ = std::max({size.x, size.y, size.z});
   centre_ = 0.5f * glm::vec2(box.lower + box.upper);
