@@ -320,3 +320,28 @@ def test_a_disc_is_as_wide_as_it_is(degrees, off):
         widths.append(light.angular_radius / radius)
     print(f"{degrees} degrees: found by true {np.round(widths, 3)}")
     assert np.abs(np.array(widths) - 1).max() < off
+
+
+@pytest.mark.parametrize("size", [100, 192, 256, 300, 1000])
+def test_a_sun_in_one_texel_is_found_there_in_maps_of_any_size(size):
+    """Lights are found in 64 x 64 texels of a face, of which finer ones may be a broken number."""
+    faces, place = np.full((6, size, size, 3), 0.5, np.float32), (2, size // 3 + 1, 3 * size // 5)
+    faces[place] = 0.25 * 4 * np.pi / fastibl.texel_solid_angles(size)[place[1:]]
+    cube = fastibl.CubeMap(faces)
+    (light,) = fastibl.Lighting(cube).lights
+    towards = fastibl.texel_directions(size)[place]
+    off = np.degrees(np.arccos(min(float(np.dot(light.direction, towards)), 1)))
+    radius = np.degrees(light.angular_radius)
+    print(f"{size}: {off:.3f} degrees off, radius {radius:.3f}")
+    level = 90 / min(size, 256 if size % 256 == 0 else size / 2 if size > 256 else size, 250)
+    assert off < 0.5 * level + 0.02 and radius < level
+
+
+@pytest.mark.parametrize("scale", [1e-20, 1e-27, 1e-30])
+def test_lights_are_taken_out_of_very_dim_maps(scale):
+    rng = np.random.default_rng(0)
+    faces = rng.uniform(0.1, 1, (6, 128, 128, 3))
+    faces[2, 10:12, 10:12] = 500
+    rest, _ = fastibl.without_lights(fastibl.CubeMap(faces * scale))
+    plain, _ = fastibl.without_lights(fastibl.CubeMap(faces))
+    np.testing.assert_allclose(np.asarray(rest.faces, np.float64) / scale, plain.faces, rtol=1e-4)

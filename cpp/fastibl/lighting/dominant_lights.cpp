@@ -58,12 +58,14 @@ void cut(std::vector<Piece>& pieces, const glm::dvec3& left) {
   std::vector<glm::dvec3> values;
   glm::dvec3 held(0);
   for (const Piece& piece : pieces) {
-    const double share = std::min(1.0, most / std::max(piece.mean(), 1e-30));
+    const double share = piece.mean() > most ? most / piece.mean() : 1;
     values.push_back(share * glm::dvec3(*piece.radiance));
     held += piece.angle * values.back();
   }
   // The pieces differ in colour: each channel keeps its own light.
-  const glm::dvec3 scale = kept / glm::max(held, 1e-30);
+  glm::dvec3 scale(0);
+  for (int c = 0; c < 3; ++c)
+    if (held[c] > 0) scale[c] = kept[c] / held[c];
   for (std::size_t i = 0; i < pieces.size(); ++i)
     *pieces[i].radiance = glm::vec3(scale * values[i]);
 }

@@ -21,7 +21,6 @@ constexpr float kFade = 0.04f;
 // A light that appears lets another one of up to this share of it go at once.
 constexpr double kMasks = 0.5;
 constexpr int kCandidates = 64;
-constexpr int kFinest = 256;  // face size of the level that refines directions
 
 struct Bright {
   int face, x, y;
@@ -183,12 +182,17 @@ void give_back(std::vector<Bright>& texels, const TakenLight& taken) {
 glm::dvec3 middle(const CubeMap& map, int fine, int size, const Bright& t) {
   if (fine < 0) return t.direction;
   const CubeLevel& level = map.level(fine);
-  const int pieces = level.size() / size;
+  const int n = level.size();
   glm::dvec3 sum(0);
   double total = 0;
-  for (int y = t.y * pieces; y < (t.y + 1) * pieces; ++y)
-    for (int x = t.x * pieces; x < (t.x + 1) * pieces; ++x) {
-      const double value = mean(level.texel(t.face, x, y));
+  // Of n texels those that lie in one of `size`, and how much of each, in units of 1 / (n · size).
+  const auto within = [&](int fine_at, int at) {
+    return std::min((fine_at + 1) * size, (at + 1) * n) - std::max(fine_at * size, at * n);
+  };
+  for (int y = t.y * n / size; y * size < (t.y + 1) * n; ++y)
+    for (int x = t.x * n / size; x * size < (t.x + 1) * n; ++x) {
+      const double part = double(within(x, t.x)) * within(y, t.y);
+      const double value = part * mean(level.texel(t.face, x, y));
       sum += value * glm::normalize(glm::dvec3(texel_direction(t.face, x, y, level.size())));
       total += value;
     }
@@ -200,7 +204,7 @@ FoundLight finished(const CubeMap& map, const CubeLevel& level, const std::vecto
   int fine = -1;
   for (int k = map.level_count() - 1; k >= 0; --k) {
     const int n = map.level(k).size();
-    if (n > level.size() && n % level.size() == 0 && n <= kFinest) fine = k;
+    if (n > level.size() && n <= kFinestForLights) fine = k;
   }
   FoundLight found;
   glm::dvec3 sum(0), flux(0);

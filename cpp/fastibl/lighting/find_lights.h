@@ -19,6 +19,9 @@ struct LightsBefore {
   const CubeLevel& level;
 };
 
+// Face size of the level that refines directions, at most.
+inline constexpr int kFinestForLights = 256;
+
 // Finds at most `count` lights: discs of up to 7.5° that hold what is brighter than four times the
 // map's mean. level: working_level() of the map; the map itself only refines directions.
 // Without a frame before, the lights change continuously with the map. With one, its lights are

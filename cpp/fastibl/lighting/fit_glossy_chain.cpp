@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "fastibl/core/check.h"
+#include "fastibl/lighting/find_lights.h"
 #include "fastibl/lighting/lobe_filter.h"
 
 namespace fastibl {
@@ -40,12 +41,14 @@ CubeLevel resampled(const CubeLevel& from, int n) {
           for (int i = 0;; ++i) {
             const double u = cut(x, i, width);
             if (!(width > 1e-9)) break;
-            double weight = 0;  // solid angle of the piece, by nine midpoints
-            for (int q = -1; q <= 1; ++q)
-              for (int p = -1; p <= 1; ++p) {
+            double weight =
+                0;  // solid angle of the piece, by nine midpoints, or one if it is small
+            const int reach = m >= 2 * n ? 0 : 1;
+            for (int q = -reach; q <= reach; ++q)
+              for (int p = -reach; p <= reach; ++p) {
                 const double s = 2 * (u + p * width / 3) / m - 1,
                              t = 2 * (v + q * height / 3) / m - 1;
-                weight += width * height / 9 / std::pow(1 + s * s + t * t, 1.5);
+                weight += width * height / std::pow(1 + s * s + t * t, 1.5);
               }
             sum += weight * glm::dvec3(from.texel(f, int(u), int(v)));
             total += weight;
@@ -152,9 +155,12 @@ CubeLevel working_level(const CubeMap& map) {
   check(map.size() > 0, "the map has no texels");
   for (int k = 0; k < map.level_count(); ++k)
     if (map.level(k).size() == kWorkingSize) return map.level(k);
-  // No level has that size: resample the smallest one that is larger, or level 0.
+  // No level has that size: resample the one in which find_lights() looks where lights are, so that
+  // none is spread beyond that.
   int k = 0;
-  while (k + 1 < map.level_count() && map.level(k + 1).size() > kWorkingSize) ++k;
+  while (map.level(k).size() > kFinestForLights && k + 1 < map.level_count() &&
+         map.level(k + 1).size() > kWorkingSize)
+    ++k;
   return resampled(map.level(k), kWorkingSize);
 }
 

@@ -122,7 +122,8 @@ Lighting fit_lighting(std::shared_ptr<const CubeMap> radiance, const LightingOpt
   lighting.normalization = options.normalization;
   if (options.irradiance) {
     // The same map is fitted anew, so that it gives the same result again.
-    const bool moved = previous && previous->radiance != radiance;
+    const bool moved = previous && previous->has_irradiance && previous->radiance != radiance;
+    lighting.has_irradiance = true;
     const FoldedMap map = fold(*radiance, kSumSize);
     lighting.irradiance = fit_irradiance(
         *radiance, map,

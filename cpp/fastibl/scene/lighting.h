@@ -17,6 +17,7 @@ namespace fastibl {
 
 struct Lighting {
   Irradiance irradiance;
+  bool has_irradiance = false;              // whether that was asked for
   GlossyMethod glossy = GlossyMethod::mip;  // never `automatic`
   GlossySettings glossy_settings;
   Normalization normalization = Normalization::energy;
