@@ -71,6 +71,8 @@ uniform float level;
 #elif GLOSSY == 3 || GLOSSY == 4 || GLOSSY == 7
 #include "shared/glossy.glsl"
 #include "shared/glossy_chain.glsl"
+#endif
+#if GLOSSY == 1 || GLOSSY >= 3 && GLOSSY <= 5
 uniform float matte_share;  // for exponents below 1
 #endif
 #if GLOSSY >= 6
@@ -122,10 +124,8 @@ vec3 shade(vec3 position, vec3 n, vec4 share, vec3 color) {
 #endif
 #if GLOSSY == 2
   vec3 glossy_share = share.rgb;
-#elif GLOSSY == 4
-  vec3 glossy_share = mix(vec3(share.a), share.rgb, matte_share);
 #else
-  float glossy_share = share.a;
+  vec3 glossy_share = mix(vec3(share.a), share.rgb, matte_share);
 #endif
   colour += glossy_share * glossy_albedo * value;
 #endif

@@ -782,3 +782,19 @@ def compile_all():
         assert good.value, f"{name} {stage}\n{log.value.decode()}"
         gl.glDeleteShader(shader)
     print(len(done), "compiled")
+
+
+@pytest.mark.parametrize("exponent", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("glossy", ["mip", "centroid", "sampled"])
+def test_nearly_matte_lobes_are_shadowed_alike(glossy, exponent):
+    """Below an exponent of 1 a lobe's share goes over to that of diffuse light, by every method."""
+    material = fastibl.Material(diffuse=(0, 0, 0), glossy=(0.9, 0.8, 0.7), exponent=exponent)
+    scene = fastibl.Scene(torus(), material, spheres=10)
+    camera = camera_named("pinhole", 160, 120)
+    frame = fastibl.Frame(time=0.0, back=back_picture(camera), back_from_marker=POSES["usual"])
+    even = fastibl.CubeMap(np.full((6, 32, 32, 3), 0.5, np.float32))
+    (cpu, a), (gl, b) = both(scene, camera, even, frame, {"glossy": glossy})
+    off = np.abs(a.image.astype(int) - b.image)
+    print(f"{glossy}, {exponent}: at most {off.max()} codes")
+    assert off.max() <= 1
+    assert cpu.object.rgba[..., 0].max() > 1.05 * cpu.object.rgba[cpu.object.rgba[..., 3] == 1, 0].min()

@@ -222,8 +222,9 @@ void ShadePass::draw_colour(Gpu& gpu, LightTextures& light, const RenderInput& i
                        GlossyLobe(*in.lighting.chain, in.lighting.glossy_settings.taps,
                                   std::max(m.exponent, 1.0f)),
                        in.lighting);
-      glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   }
+  if (glossy != GlossyVariant::none && glossy != GlossyVariant::matte)
+    glUniform1f(p.uniform("matte_share"), std::max(1 - m.exponent, 0.0f));
   set(p, "eye", glm::vec3(in.camera_from_marker.inverse().translation));
   if (paper) {
     if (!albedo_.id)
