@@ -289,3 +289,21 @@ def test_the_stated_error_knows_where_a_small_sun_is(method, size, at):
     told = lighting.methods["diffuse"].error
     print(f"off by {off:.2%} (mean), stated {told:.2%}")
     assert off / 1.5 < told < 2 * off
+
+
+def test_settings_and_errors_that_no_method_has():
+    same_error(lambda: fastibl.Method("irradiance-cube", size=2**40), ValueError, "size", "whole number of at most")
+    same_error(lambda: fastibl.Method("sh9", error="a"), TypeError, "error", "a number", "str")
+    lighting = fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32)))
+    same_error(lambda: lighting.prefiltered(parameters=0.5), TypeError, "parameters", "float")
+    same_error(lambda: lighting.prefiltered(wanted=3), TypeError, "wanted", "int")
+
+
+@pytest.mark.parametrize("method", ["centroid", "mip", "sampled", "prefiltered"])
+def test_directions_of_no_length_give_a_defined_result(method):
+    lighting = fastibl.Lighting(fastibl.CubeMap(np.ones((6, 8, 8, 3), np.float32)), glossy=method)
+    none = [[0.0, 0.0, 0.0]]
+    for exponent in (0.0, 0.5, 64.0, np.inf):
+        assert np.isfinite(lighting.glossy(none, none, exponent=exponent)).all()
+    assert np.isfinite(lighting.ggx(none, none, roughness=0.3)).all()
+    assert np.isfinite(lighting.irradiance(none)).all()

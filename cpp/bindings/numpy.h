@@ -123,8 +123,8 @@ inline glm::vec3 unit(glm::vec3 v) {
     v /= most;
   }
   const float length = glm::length(v);
-  return length > 0 ? v / length
-                    : v;  // length 0 has no direction: the result is defined, not useful
+  // What has no direction counts as upwards: the result is defined, not useful.
+  return length > 0 ? v / length : size == glm::vec3(0) ? glm::vec3(0, 0, 1) : v;
 }
 
 inline std::vector<py::ssize_t> shape_vector(const py::array& array) {

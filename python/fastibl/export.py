@@ -6,10 +6,10 @@ import json
 import os
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from . import usd as usd_files
 from ._fastibl import CubeMap, Environment, Light, _level_parameters
 from .axes import HANDEDNESS, from_axes, handed, handedness_of, matrix, radiance_of, to_axes
 from .environment_files import CUBE_WRITERS, FACES, check_face_layout, write_environment, write_faces
+from .expected import expect
 from .gltf_light import check_gltf_size, write_gltf_light
 from .lighting import Lighting, without_lights
 from .pictures import LINEAR, write_picture
@@ -34,6 +35,7 @@ SH_BASIS = (
     "0.315392 (3 z^2 - 1), 1.092548 xz, 0.546274 (x^2 - y^2); irradiance is the sum times pi, 2 pi/3, pi/4 by order"
 )
 _MANIFEST = "light.json"
+_MOST_IRRADIANCE = 256  # texels along an edge
 # Axes of the files that are not in the axes that were asked for.
 _AXES_OF = {"light.glb": "gltf", "light_dome.hdr": "dome of light.usda", "light_dome.exr": "dome of light.usda"}
 
@@ -84,8 +86,11 @@ def export_light(
     """
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}, got {format!r}")
-    if irradiance < 1:
-        raise ValueError(f"irradiance must be at least 1 texel wide, got {irradiance}")
+    expect(irradiance, SupportsIndex, "irradiance")
+    if not 1 <= irradiance <= _MOST_IRRADIANCE:
+        raise ValueError(f"irradiance must be 1 to {_MOST_IRRADIANCE} texels wide, got {irradiance}")
+    expect(sh, Iterable, "sh", f"names of conventions: {', '.join(CONVENTIONS)}")
+    expect(picture, (np.ndarray, type(None)), "picture")
     for convention in (sh := (sh,) if isinstance(sh, str) else tuple(sh)):
         if convention not in CONVENTIONS:
             raise ValueError(f"sh must be of {', '.join(CONVENTIONS)}, got {convention!r}")

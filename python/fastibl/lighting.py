@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from types import MappingProxyType
 from typing import Any, SupportsIndex
 
@@ -41,6 +42,7 @@ class Method:
 
     def __init__(self, name: str, /, error: float | None = None, **settings: float):
         _check_known(name, settings)
+        expect(error, (Real, type(None)), "error")
         object.__setattr__(self, "name", name)
         whole = {key: _whole(key, value) for key, value in settings.items()}
         object.__setattr__(self, "settings", MappingProxyType(whole))
@@ -72,13 +74,16 @@ def _method(name: str, error: float | None, settings: Mapping[str, int]) -> Meth
     return Method(name, error, **settings)
 
 
+_MOST = 10**9  # of any setting
+
+
 def _whole(key: str, value: float) -> int:
     try:
         whole = int(value)
     except (TypeError, ValueError, OverflowError):
         whole = None
-    if whole is None or isinstance(value, str) or whole != value:
-        raise ValueError(f"setting {key} must be a whole number, got {value!r}")
+    if whole is None or isinstance(value, str) or whole != value or abs(whole) > _MOST:
+        raise ValueError(f"setting {key} must be a whole number of at most {_MOST}, got {value!r}")
     return whole
 
 
@@ -224,11 +229,13 @@ class Lighting(_Lighting):
         else:
             if mapping is not None:
                 raise ValueError("give a mapping or parameters, not both")
+            expect(parameters, Iterable, "parameters", "one number for each level")
             given = [float(p) for p in parameters]
             levels = len(given)
         expect(size, SupportsIndex, "size")
         if not 1 <= size <= _LARGEST:
             raise ValueError(f"size must be 1 to {_LARGEST} texels, got {size}")
+        expect(wanted, (Iterable, type(None)), "wanted", "numbers of levels")
         chosen = set(range(levels) if wanted is None else wanted)
         for k in chosen:
             expect(k, SupportsIndex, "a level in wanted")
