@@ -206,7 +206,7 @@ void bind_process(py::class_<Session>& session_class) {
           frame.back_last_row = require_pose(back_last_row, "back_last_row");
         if (!attitude.is_none()) frame.attitude = require_rotation(attitude, "a frame's attitude");
         return alone(session, [&] {
-          Result result{session.process(frame), {}, session.plan()};
+          Result result{session.process(frame), {}, session.frame_plan()};
           result.shadow = session.shadow_map();
           return result;
         });
@@ -243,6 +243,8 @@ relative to what the plane gets without the object: it may exceed 1.)")
       .def_property_readonly(
           "layers", [](Session& s) { return alone(s, [&] { return s.layers(); }); },
           R"(PictureLayers of the last frame: the layers from which its picture was composed, as floats.
+
+Also after anything was set; another scene or back end leaves none.
 
 Without the board or anything of the scene in view nothing covers the picture, and the ratio is 1.)")
       .def_property_readonly("capture", &Session::capture,

@@ -103,7 +103,7 @@ def make_plan(
         capture,
         cast_shadow,
         *budgets,
-        dict(costs or {}),
+        _table(costs),
         camera.width if camera else 640,
         camera.height if camera else 480,
         shown,
@@ -139,6 +139,16 @@ def bake_shadow(scene: Scene, method: str = "auto") -> None:
     scene has spheres); takes seconds for a mesh that was not baked before."""
     if scene.baked_shadow is None and (method == "mesh" or (method == "auto" and len(scene.spheres))):
         scene.baked_shadow = MeshShadow(scene.mesh)
+
+
+def _number(value: float, name: str) -> float:
+    expect(value, Real, name)
+    return float(value)
+
+
+def _table(costs: Mapping[str, float] | None) -> dict[str, float]:
+    expect(costs, (Mapping, type(None)), "costs", "names and nanoseconds, as of fastibl.costs.machine_costs")
+    return dict(costs or {})
 
 
 def _budgets(error: float | None, milliseconds: float | None) -> tuple[float, float]:
@@ -259,17 +269,17 @@ class Session(_Session):
             *budgets,
             size,
             cast_shadow,
-            None if distance is None else float(distance),
+            None if distance is None else _number(distance, "distance"),
             None if box is None else _numbers(box, (2, 3), "box").tolist(),
-            float(box_yaw),
+            _number(box_yaw, "box_yaw"),
             bool(doubt_exposures),
             _numbers(front_ratio, (3,), "front_ratio").tolist(),
             bool(follow_surroundings),
             prior,
-            float(paper_albedo),
-            None if most_boost is None else float(most_boost),
+            _number(paper_albedo, "paper_albedo"),
+            None if most_boost is None else _number(most_boost, "most_boost"),
             bool(adapt),
-            dict(costs or {}),
+            _table(costs),
             bool(offline),
             supersampling,
         )
@@ -359,8 +369,8 @@ class Session(_Session):
         self._captures = environment is None
 
     def set_methods(self, methods: Methods) -> None:
-        """Use other methods from the next frame on; bakes the mesh as the constructor does. Raises ValueError for
-        unknown names."""
+        """Use other methods from the next frame on; bakes the mesh as the constructor does. What was captured by
+        another method stays: its light, and how far things were found to be. Raises ValueError for unknown names."""
         resolved = resolve_methods(methods)
         self._bake(self._casts, resolved.shadow)  # first: it may be interrupted
         self._set_methods(resolved)

@@ -16,13 +16,26 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-// CPU time of the whole process, all threads.
+// CPU time: of the whole process, with all threads, or of this thread alone where the system tells
+// it.
 class ProcessorClock {
  public:
-  double seconds() const { return double(std::clock() - start_) / CLOCKS_PER_SEC; }
+  enum class Of { process, thread };
+  explicit ProcessorClock(Of of = Of::process) : of_(of), start_(now()) {}
+  double seconds() const { return now() - start_; }
 
  private:
-  std::clock_t start_ = std::clock();
+  double now() const {
+#ifdef CLOCK_THREAD_CPUTIME_ID
+    timespec t;
+    if (of_ == Of::thread && clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t) == 0)
+      return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+#endif
+    return double(std::clock()) / CLOCKS_PER_SEC;
+  }
+
+  Of of_;
+  double start_;
 };
 
 }  // namespace fastibl

@@ -147,7 +147,7 @@ double pass_milliseconds(const Costs& c, PassId pass, const Methods& m, const Wo
       ns = c.track;
       break;
     case PassId::capture:
-      ns = 2 * c.capture_pixel * pixels;  // two cameras
+      ns = c.capture_pixel * w.camera_pixels;
       break;
     case PassId::mips:
       ns = c.mips;

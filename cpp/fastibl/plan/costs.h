@@ -53,7 +53,9 @@ struct PartCounts {
 
 // The work in a frame.
 struct Workload {
-  int width = 640, height = 480;  // of the picture
+  int width = 640, height = 480;           // of the picture
+  int cameras = 2;                         // whose pictures go into the map
+  double camera_pixels = 2 * 640 * 480.0;  // of them all
   PartCounts object = {};
   double shadow_pixels = 307200;  // of the plane
   int vertices = 3000;

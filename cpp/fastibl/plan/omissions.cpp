@@ -57,8 +57,9 @@ constexpr double kBounceBudget = 0.1;
 
 Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods& methods,
                    const char* dispensable) {
-  if (!options.cast_shadow || !scene.casts_shadow()) return {"there is no shadow to go with it"};
   std::optional<double> bound = bounce_bound(scene, options.lighting);
+  if (!options.cast_shadow || !scene.casts_shadow())
+    return {"there is no shadow to go with it", bound == 0.0 ? bound : std::nullopt};
   if (bound && *bound > 0) bound = std::max(*bound, judged_bounce(options.measured).value_or(0));
   if (bound && *bound <= kBounceBudget * options.error)
     return {
@@ -68,6 +69,13 @@ Omission of_bounce(const Scene& scene, const PlanOptions& options, const Methods
   if (methods.bounce != BounceMethod::none) return {};
   const bool asked = options.methods.bounce == BounceMethod::none;
   return {asked ? "no bounce was asked for" : dispensable, std::nullopt};
+}
+
+// How much a shadow that is not cast changes: nothing below the plane, else nobody knows.
+std::optional<double> unshadowed(const Scene& scene) {
+  for (const glm::vec3& p : scene.mesh.vertices)
+    if ((scene.marker_from_object * glm::dvec3(p)).z > 0) return std::nullopt;
+  return 0.0;
 }
 
 // A share of the error budget that leaving out the places of near lights may take.
@@ -149,8 +157,8 @@ Omission omission_of(PassId id, const Scene& scene, const Environment* environme
     case PassId::irradiance:
       return of_irradiance(scene, options);
     case PassId::shadow:
-      if (!options.cast_shadow) return {kNoShadowAsked};
-      if (!scene.casts_shadow()) return {"the object has no spheres"};
+      if (!options.cast_shadow) return {kNoShadowAsked, unshadowed(scene)};
+      if (!scene.casts_shadow()) return {"the object has no spheres", unshadowed(scene)};
       break;
     case PassId::self_shadow:
       return of_self_shadow(scene, options, plan.methods, dispensable);
@@ -165,7 +173,7 @@ Omission omission_of(PassId id, const Scene& scene, const Environment* environme
       break;
     case PassId::holdout:
       if (!scene.has_holdouts()) return {"no real objects were given"};
-      if (!options.cast_shadow) return {kNoShadowAsked};
+      if (!options.cast_shadow) return {kNoShadowAsked, std::nullopt};
       break;
     default:
       break;

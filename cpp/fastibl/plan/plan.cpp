@@ -233,6 +233,17 @@ std::string method_of(PassId id, const Scene& scene, const Methods& methods, con
   }
 }
 
+// With what `automatic` stands for, as far as that is known.
+Methods resolved(Methods methods, const Scene& scene, const Lighting* fitted) {
+  methods.shadow = scene.shadow_method(methods.shadow);
+  if (fitted && fitted->has_irradiance)
+    methods.diffuse = fitted->irradiance.method,
+    methods.diffuse_settings = fitted->irradiance.settings;
+  if (fitted && fitted->radiance)
+    methods.glossy = fitted->glossy, methods.glossy_settings = fitted->glossy_settings;
+  return methods;
+}
+
 double frame_milliseconds(const Plan& plan, const Workload& work) {
   double each = 0, picture = 0, light = 0;
   for (const PlannedPass& p : plan.passes) {
@@ -240,7 +251,7 @@ double frame_milliseconds(const Plan& plan, const Workload& work) {
     const double time = *p.milliseconds * runs_per_frame(p.pass.id, work);
     switch (p.pass.id) {
       case PassId::capture:
-        picture = time / 2;  // of two cameras
+        picture = time / work.cameras;
         break;
       case PassId::track:
       case PassId::shade:
@@ -251,7 +262,7 @@ double frame_milliseconds(const Plan& plan, const Workload& work) {
         light += time;
     }
   }
-  return each + (plan.light_in_turns ? std::max(picture, light) : 2 * picture + light);
+  return each + (plan.light_in_turns ? std::max(picture, light) : work.cameras * picture + light);
 }
 
 }  // namespace
@@ -283,19 +294,19 @@ Plan make_plan(const Scene& scene, const Environment* environment, const PlanOpt
   plan.shades_alike_as_one = budget &&
                              (options.error == 0 || options.error >= Plan::kLeastForOne) &&
                              methods.diffuse != DiffuseMethod::nearest_face;
+  // Where methods were chosen, they go by what was measured; otherwise they are those of the light.
+  const Lighting* fitted = choice ? nullptr : options.lighting;
+  const Methods priced = resolved(methods, scene, fitted);
   for (const PassId id : kPasses) {
     Omission omission = omission_of(id, scene, environment, options, plan, dispensable);
     PlannedPass line{pass_of(id, scene), omission.reason.empty()};
     line.reason = std::move(omission.reason), line.bound = omission.bound;
-    // Where methods were chosen, they go by what was measured; otherwise they are those of the
-    // light.
-    const Lighting* fitted = choice ? nullptr : options.lighting;
     line.method = method_of(id, scene, methods, fitted, plan);
     if (id == PassId::capture && environment && options.capture)
       line.error = std::hypot(environment->predicted_error, options.light_lag);
     if (id == PassId::irradiance && fitted) line.error = fitted->irradiance_error;
     if (choice) set_measured_error(*choice, *options.measured, line);
-    line.milliseconds = pass_milliseconds(options.costs, id, methods, work) * options.slowdown;
+    line.milliseconds = pass_milliseconds(options.costs, id, priced, work) * options.slowdown;
     if (*line.milliseconds == 0 || !line.included) line.milliseconds.reset();
     line.once = runs_per_frame(id, work) < 1;
     plan.passes.push_back(std::move(line));

@@ -1,5 +1,8 @@
 #include "fastibl/render/light_shares.h"
 
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+
 #include "fastibl/shading/glossy_shares.h"
 #include "fastibl/shading/holdout.h"
 #include "fastibl/shading/near_lobes.h"
@@ -8,6 +11,18 @@ namespace fastibl {
 namespace {
 
 constexpr int kBounceCells = 32;  // of the plane, along an edge
+
+// The pose without what it turns about z and shifts along the plane: cells lie by the object,
+// wherever it was when they were made.
+Pose unturned(const Pose& marker_from_object) {
+  const glm::dmat3& r = marker_from_object.rotation;
+  // The axis that lies flattest tells the turn.
+  const int axis = std::abs(r[0].z) <= std::abs(r[1].z) ? 0 : 1;
+  const double yaw = std::atan2(r[axis].y, r[axis].x) - (axis == 0 ? 0 : glm::half_pi<double>());
+  const glm::dmat3 back(glm::dvec3(std::cos(yaw), -std::sin(yaw), 0),
+                        glm::dvec3(std::sin(yaw), std::cos(yaw), 0), glm::dvec3(0, 0, 1));
+  return {back * r, {0, 0, marker_from_object.translation.z}};
+}
 
 }  // namespace
 
@@ -48,7 +63,8 @@ void LightShares::find_near(const Scene& scene, const Lighting& lighting, SelfSh
 
 void LightShares::place_exchange(const Scene& scene) {
   if (!exchange_ || !exchange_->motion(scene.marker_from_object))
-    exchange_.emplace(scene.mesh, *scene.directions, kBounceCells, scene.marker_from_object);
+    exchange_.emplace(scene.mesh, *scene.directions, kBounceCells,
+                      unturned(scene.marker_from_object));
 }
 
 std::optional<std::size_t> LightShares::groups() const {

@@ -38,7 +38,7 @@ double nanoseconds(Call&& call) {
   std::vector<double> seconds;
   while (k < kFewest || (k < kCalls && all < kLongest)) {
     for (std::size_t b = 0; b < others.size(); b += 64) ++others[b];
-    const ProcessorClock clock;
+    const ProcessorClock clock(ProcessorClock::Of::thread);
     call(k++);
     seconds.push_back(clock.seconds());
     all += seconds.back();
@@ -126,7 +126,7 @@ void measure_fits(const Maps& all, Costs& costs) {
   const double lit = fit(all, glossy_by(GlossyMethod::centroid, {0, -1}));
   costs.chain = at_least(plain - sh9, 1e3);
   costs.lights = at_least(lit - plain, 0);
-  const ProcessorClock clock;
+  const ProcessorClock clock(ProcessorClock::Of::thread);
   fit_lighting(all[0], glossy_by(GlossyMethod::prefiltered));
   costs.exact_chain = 1e9 * clock.seconds();
 }
@@ -266,7 +266,7 @@ PixelShares pixel_shares(Scene scene, const Lighting& lighting, const CellLight&
   PixelShares costs{};
   costs.glossy = nanoseconds([&](int) { glossy(scene, light, eye, seen); }) / touched /
                  lobe_groups(scene.material.lobe());
-  const ProcessorClock clock;
+  const ProcessorClock clock(ProcessorClock::Of::thread);
   trace_shares(scene, lighting, eye, {shares, {}}, nullptr, seen);
   costs.traced = 1e9 * clock.seconds() / count;
   return costs;
@@ -287,8 +287,7 @@ void measure_rays(Scene scene, const CubeMap& map, const Irradiance& irradiance,
   TracedLights lights;
   double rays = 0;
   const double traced = nanoseconds([&](int) {
-    rays =
-        lights(scene, map, light, irradiance, v.camera, v.camera_from_marker, {shares, {}},
+    rays = lights(scene, map, light, irradiance, v.camera, v.camera_from_marker, {shares, {}},
                   nullptr, seen);
   });
   costs.light_ray = traced / at_least(rays, 1);

@@ -85,11 +85,20 @@ CaptureOptions capture_options(const SessionOptions& options, const std::optiona
   return capture;
 }
 
-// Whether two maps light a scene alike and are known equally well; never where lights have places.
+// Whether two maps light a scene alike and are known equally well.
 bool is_same_light(const Environment& a, const Environment& b) {
-  return a.predicted_error == b.predicted_error && a.centre == b.centre && !a.box && !b.box &&
-         a.light_positions.empty() && b.light_positions.empty() &&
-         a.plane_irradiance == b.plane_irradiance && a.radiance == b.radiance;
+  return a.predicted_error == b.predicted_error && a.centre == b.centre && a.box == b.box &&
+         a.light_positions == b.light_positions && a.plane_irradiance == b.plane_irradiance &&
+         a.radiance == b.radiance;
+}
+
+// Whether two plans run the same passes by the same methods.
+bool makes_the_same(const Plan& a, const Plan& b) {
+  return a.methods == b.methods &&
+         std::equal(a.passes.begin(), a.passes.end(), b.passes.begin(), b.passes.end(),
+                    [](const PlannedPass& p, const PlannedPass& q) {
+                      return p.pass.id == q.pass.id && p.included == q.included;
+                    });
 }
 
 }  // namespace
@@ -123,7 +132,15 @@ void Session::judge_anew() {
     shares_.place_exchange(scene_);  // now rather than in the first frame
 }
 
+// What the last picture was put together from is about to be made anew, and stays until the next.
+void Session::keep_gain() {
+  if (drawn_from_ && !kept_gain_) kept_gain_ = std::make_shared<const ShadowMap>(plane_gain());
+}
+
+void Session::forget_drawn() { drawn_from_.reset(), kept_gain_ = nullptr; }
+
 void Session::make_stale() {
+  keep_gain();
   // A pass that was left out may come back, and what another method made is out of date.
   for (const PlannedPass& p : plan_.passes) {
     if (!p.included && (p.pass.id == PassId::shadow || p.pass.id == PassId::shade))
@@ -181,6 +198,9 @@ void Session::update_plan(bool choose) {
   const Camera& drawn = drawn_camera();
   options.workload =
       workload_of(scene_, drawn.width, drawn.height, light_moves(), options_.cast_shadow);
+  const auto pixels = [](const Camera& camera) { return double(camera.width) * camera.height; };
+  options.workload.cameras = rig_.front ? 2 : 1;
+  options.workload.camera_pixels = pixels(rig_.back) + (rig_.front ? pixels(*rig_.front) : 0);
   if (const std::optional<PartCounts> parts = renderer_->parts(); parts && parts->shaded > 0)
     options.object = parts;
   options.slowdown = time_.slowdown();
@@ -203,12 +223,14 @@ void Session::update_plan(bool choose) {
         product::near_light | product::bounce | product::plane | product::object | product::image;
   }
   if (plan_.includes(PassId::bounce) == bounced) return;
+  keep_gain();
   shares_.clear_bounce();
   stale_ |= product::bounce | product::plane | product::object | product::image;
 }
 
 void Session::set_scene(Scene scene) {
   scene_ = checked(std::move(scene));
+  forget_drawn();
   shares_.forget_object();
   renderer_->clear(PassId::shadow), renderer_->clear(PassId::shade);
   replan();
@@ -227,7 +249,11 @@ void Session::move(const Pose& marker_from_object) {
 }
 void Session::set_methods(const Methods& methods) {
   check_methods(methods, *renderer_);
-  if (methods.capture != options_.methods.capture) capture_.begin_single();
+  if (methods.capture != options_.methods.capture) {
+    capture_.begin_single();
+    if (!options_.distance && !options_.box)
+      capture_.map().find_distance(methods.capture == CaptureMethod::continuous);
+  }
   options_.methods = methods;
   replan();
 }
@@ -244,6 +270,7 @@ void Session::set_cast_shadow(bool cast) {
 void Session::set_baked_shadow(std::shared_ptr<const MeshShadow> baked) {
   if (baked == scene_.baked_shadow) return;
   scene_.baked_shadow = std::move(baked);
+  keep_gain();
   renderer_->clear(PassId::shadow);
   replan();
 }
@@ -251,6 +278,7 @@ void Session::set_shadow_look(const ShadowLook& look) {
   look.validate();
   scene_.shadow_look = look;
   update_plan();
+  keep_gain();
   shares_.clear_gain();
   stale_ |= product::plane | product::holdout | product::image;
 }
@@ -274,6 +302,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
   if (!little) given_elsewhere_ = false;
   environment_ = std::move(environment);
   if (!stream_.moves()) {  // another place: nothing is to fade
+    keep_gain();
     lighting_.reset();
     renderer_->clear(PassId::shadow);
   }
@@ -285,6 +314,7 @@ void Session::set_environment(std::shared_ptr<const Environment> environment) {
 }
 void Session::set_renderer(std::unique_ptr<Renderer> renderer) {
   renderer_ = checked(std::move(renderer), options_, rig_.back);
+  forget_drawn();
   replan();
 }
 
@@ -381,6 +411,16 @@ void Session::ensure_lighting() {
   }
 }
 
+bool Session::shows_back(const Frame& frame) const {
+  return !frame.back.empty() || renderer_->texture_camera();
+}
+
+// The exposure that the object is drawn with. What comes without a picture holds for its frame
+// only.
+double Session::exposure_of(const Frame& frame) const {
+  return shows_back(frame) ? back_exposure_ : frame.back_exposure.value_or(back_exposure_);
+}
+
 void Session::read_exposure(const Frame& frame, const Pose& drawn_from) {
   const bool captured =
       !fixed_environment_ && options_.methods.capture == CaptureMethod::continuous;
@@ -405,7 +445,7 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
         back_exposure_ = taken->exposure;
       return true;
     case PassId::mips:
-      environment_ = capture_.map().environment(), pictures_ = capture_.map().added();
+      environment_ = capture_.map().environment(), changes_seen_ = capture_.map().changes_made();
       return true;
     case PassId::irradiance:
       lighting_ = std::make_shared<const Lighting>(
@@ -434,9 +474,12 @@ bool Session::run_pass(PassId id, const Frame& frame, FrameResult& result, const
       break;
   }
   ensure_lighting();
-  if (id == PassId::composite) read_exposure(frame, drawn_from);
+  if (id == PassId::composite) {
+    read_exposure(frame, drawn_from);
+    drawn_exposure_ = exposure_of(frame), kept_gain_ = nullptr;
+  }
   renderer_->run(id, {scene_, plan_.methods, *lighting_, &drawn_by_, drawn_from, frame.back,
-                      back_exposure_, shares_.all(), shares_.plane_gain(), shares_.holdouts(),
+                      exposure_of(frame), shares_.all(), shares_.plane_gain(), shares_.holdouts(),
                       shares_.own(), shares_.near_shares(), &shares_.cell_light(),
                       plan_.shades_alike_as_one, options_.supersampling});
   return true;
@@ -536,7 +579,7 @@ void Session::run_due(const Frame& frame, FrameResult& result) {
 PictureLayers Session::layers() {
   if (!pixels_ || pixels_->camera != drawn_by_) pixels_.emplace(drawn_by_);
   const ShadowLookUp plane(drawn_from_ ? plane_gain() : ShadowMap{});
-  return picture_layers(back_exposure_, *pixels_, drawn_from_.value_or(Pose{}), object(), plane,
+  return picture_layers(drawn_exposure_, *pixels_, drawn_from_.value_or(Pose{}), object(), plane,
                         holdout());
 }
 
@@ -553,12 +596,14 @@ void Session::process(const Frame& given, FrameResult& result) {
   result.image = std::move(image);
   Frame frame = given;
   frame.time = clock_.at(given.time);
-  if (frame.back_exposure) back_exposure_ = *frame.back_exposure;
+  if (frame.back_exposure && shows_back(frame)) back_exposure_ = *frame.back_exposure;
   using Loops = OneThread::Loops;
   // A time budget counts the processor's time.
   const OneThread loops(options_.milliseconds > 0 ? Loops::alone : Loops::together);
   const Stopwatch total;
-  const ProcessorClock processor;
+  // All is done by this thread, but for what a graphics driver has threads of its own for.
+  const ProcessorClock processor(renderer_->backend() == "cpu" ? ProcessorClock::Of::thread
+                                                               : ProcessorClock::Of::process);
   const bool was_lit = lit();
 
   choose_turn(frame);
@@ -569,18 +614,20 @@ void Session::process(const Frame& given, FrameResult& result) {
     return true;
   });
   stale_ |= product::back_picture;
-  if (!fixed_environment_ && capture_.map().added() != pictures_)  // others were added to it
+  if (!fixed_environment_ && capture_.map().changes_made() != changes_seen_)  // others were made
     stale_ |= product::light_pictures;
   if (drawn_by_ != drawn_camera()) drawn_by_ = drawn_camera(), shown_from_.reset();
   if (wants_capture(frame, result)) stale_ |= product::light_pictures;
   tracker_.find_motion(frame, result);
   choose_methods();
   run_due(frame, result);
+  frame_plan_ = plan_;
 
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
   judge_.add_frame();
   if (!fixed_environment_ && environment_ && judge_.looks()) judge_.follow(light_summary());
   update_plan();  // its errors, now that this frame's light is known
+  if (makes_the_same(plan_, frame_plan_)) frame_plan_ = plan_;
   if (!drawn_from_) renderer_->show(frame.back, drawn_by_);
   if (options_.read_back)
     renderer_->image(result.image);

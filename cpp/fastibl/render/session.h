@@ -79,7 +79,8 @@ class Session {
   // was captured counts as a second older.
   void restart_clock() { clock_.restart(); }
 
-  const Plan& plan() const { return plan_; }
+  const Plan& plan() const { return plan_; }              // of the next frame, as far as is known
+  const Plan& frame_plan() const { return frame_plan_; }  // by which the last one was made
   const SessionOptions& options() const { return options_; }
   // Whether the back end has it: naming another one is refused.
   bool has(SelfShadowMethod method) const { return renderer_->has(method); }
@@ -89,14 +90,15 @@ class Session {
   // What the plane's picture was multiplied by: the ratio as it is drawn, together with the light
   // from the object; it may exceed 1.
   const ShadowMap& plane_gain() {
+    if (kept_gain_) return *kept_gain_;
     return shares_.plane_gain() ? *shares_.plane_gain() : renderer_->shadow_map();
   }
   // The layers of the last picture; empty where the board was not seen, or nothing of the scene
   // is in the picture.
   ObjectLayer object() { return drawn_from_ ? renderer_->object() : ObjectLayer{}; }
   ObjectLayer holdout() { return drawn_from_ ? renderer_->holdout() : ObjectLayer{}; }
-  // The layers that the last picture was put together from. Nothing covers or shades it where
-  // those are empty.
+  // The layers that the last picture was put together from, also after anything was set but another
+  // scene or renderer. Nothing covers or shades it where those are empty.
   PictureLayers layers();
   const Capture& capture() const { return capture_.map(); }
   Renderer& renderer() { return *renderer_; }
@@ -125,7 +127,11 @@ class Session {
   void judge_anew();         // the same after a change of the light
   void choose_methods();     // where the light has changed, or the time budget asks for it
   void update_plan(bool choose = false);  // the lines and their errors; if asked, new methods
-  void make_stale();                      // all that depends on methods
+  void keep_gain();
+  void forget_drawn();
+  bool shows_back(const Frame& frame) const;
+  double exposure_of(const Frame& frame) const;
+  void make_stale();  // all that depends on methods
   void watch_time(double milliseconds, bool shaded);
   void choose_turn(const Frame& frame);
   void follow_surroundings(const Frame& frame, FrameResult& result);
@@ -162,7 +168,7 @@ class Session {
   RigCapture capture_;
   std::shared_ptr<const Lighting> lighting_;
   LightShares shares_;
-  Plan plan_;
+  Plan plan_, frame_plan_;
   Products stale_ = product::all & ~product::inputs;
   MethodJudge judge_;
   LightStream stream_;            // of the light that is given
@@ -171,10 +177,12 @@ class Session {
   LightTurns turns_;
   bool in_turns_ = false;  // this frame
   float light_lag_ = 0;    // relative change of the light from one of its turns to the next
-  int pictures_ = 0;       // of the capture, that the map which is drawn with was made of
+  int changes_seen_ = 0;   // of the capture's, in the map which is drawn with
   Products held_ = 0;      // what pictures made stale, held until the light's turn
   FrameClock clock_;
-  double back_exposure_ = 1;  // of the last back picture, as far as it is known
+  double back_exposure_ = 1;                    // of the last back picture, as far as it is known
+  double drawn_exposure_ = 1;                   // of the last picture that was drawn
+  std::shared_ptr<const ShadowMap> kept_gain_;  // its plane gain, where a newer one is to be made
   std::optional<LightMeter> meter_;
   Camera drawn_by_;                   // the last picture
   std::optional<Pose> drawn_from_;    // the last picture

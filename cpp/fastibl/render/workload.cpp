@@ -20,6 +20,7 @@ Workload workload_of(const Scene& scene, int width, int height, bool light_chang
   constexpr double kGroups = 36;  // per vertex: 25 to 46 in five meshes
   Workload work;
   work.width = width, work.height = height;
+  work.camera_pixels = double(work.cameras) * width * height;
   work.object = parts_of(scene, kObject * width * height);
   work.shadow_pixels = cast_shadow && scene.casts_shadow() ? double(width) * height : 0;
   work.vertices = int(scene.mesh.vertices.size()), work.light_changes = light_changes;

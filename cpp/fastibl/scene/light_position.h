@@ -20,6 +20,7 @@ struct LightPosition {
   glm::dvec3 position{0};         // metres, marker frame
   glm::dmat3 covariance{0.0};     // m²
   double radius = 0;              // metres, of a disc that looks as large
+  bool operator==(const LightPosition&) const = default;
 };
 
 // Angular radius (radians) of the light as seen from a place.
