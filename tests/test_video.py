@@ -93,6 +93,48 @@ def test_no_picture_is_no_video(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    "picture, time, error, said",
+    [
+        (np.zeros((16, 16, 4), np.uint8), 0, ValueError, r"\(h, w, 3\), got \(16, 16, 4\)"),
+        (np.zeros((16, 16), np.uint8), 0, ValueError, r"\(h, w, 3\), got \(16, 16\)"),
+        (np.zeros((0, 16, 3), np.uint8), 0, ValueError, r"\(h, w, 3\), got \(0, 16, 3\)"),
+        (np.zeros((16, 16, 3), np.uint16), 0, TypeError, "uint8, got uint16"),
+        (stripes(), np.nan, ValueError, "finite .*got nan"),
+        (stripes(), np.inf, ValueError, "finite .*got inf"),
+    ],
+)
+def test_a_picture_that_is_refused_leaves_no_trace(tmp_path, picture, time, error, said):
+    path = tmp_path / "a.webm"
+    path.write_bytes(b"older")
+    with pytest.raises(error, match=said), VideoWriter(path, 30) as video:
+        video.add(picture, time)
+    assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+    with VideoWriter(path, 30) as video:
+        for at in (7.0, 7.1):
+            with pytest.raises(error):
+                video.add(picture, time)
+            video.add(stripes(), at)
+    assert times(path) == [0, 0.1]
+
+
+def test_an_older_video_stays_where_no_picture_can_be_encoded(tmp_path):
+    path = tmp_path / "a.webm"
+    path.write_bytes(b"older")
+    with pytest.raises(av.FFmpegError), VideoWriter(path, 30) as video:
+        video._stream.options = {"cpu-used": "99"}
+        video.add(stripes(), 0)
+    assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("fps", [1e9, np.inf])
+def test_more_than_a_thousand_a_second_are_a_thousand(tmp_path, fps):
+    with VideoWriter(tmp_path / "a.webm", fps) as video:
+        for _ in range(3):
+            video.add(stripes(32, 40))
+    assert times(tmp_path / "a.webm") == [0, 0.001, 0.002]
+
+
 def test_what_was_added_before_an_error_is_a_video(tmp_path):
     path = tmp_path / "a.webm"
     with pytest.raises(ValueError, match="shape"), VideoWriter(path, 30) as video:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import ExitStack, suppress
 from fractions import Fraction
@@ -28,12 +29,14 @@ class VideoWriter:
     """Writes RGB pictures (h, w, 3) uint8 of one size as a .webm; a context manager.
 
     Colours are encoded by BT.709, as the file says. fps: pictures per second, for pictures that have no time of their
-    own. The new file takes its place when it is closed, whatever was raised meanwhile; if it cannot be completed, on a
-    full disk, the older file stays, or with keep_cut what was written until then takes its place. Of a program that is
-    killed, the film stays beside it as a .part file, which plays but for its last seconds.
+    own; at most 1000 count. The new file takes its place when it is closed, whatever was raised meanwhile; without a
+    picture the older file stays; if it cannot be completed, on a full disk, the older file stays, or with keep_cut what
+    was written until then takes its place. Of a program that is killed, the film stays beside it as a .part file, which
+    plays but for its last seconds.
 
-    Raises ValueError for another ending or a picture of another size, OSError where the file cannot be written,
-    ImportError where PyAV is missing.
+    Raises ValueError for another ending, a picture of another size or a time that is not finite, TypeError for one that
+    is not uint8, OSError where the file cannot be written, ImportError where PyAV is missing. A picture that is refused
+    leaves no trace.
     """
 
     def __init__(self, path: str | os.PathLike[str], fps: float, *, keep_cut: bool = False):
@@ -46,6 +49,7 @@ class VideoWriter:
             raise ImportError("writing videos needs PyAV: pip install av") from error
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._av = av
+        rate = Fraction(min(max(fps, 1 / 1001), 1000)).limit_denominator(1001)  # pictures have times of their own
         self._shape: tuple[int, ...] = ()
         self._whole = ExitStack()
         self._part = self._whole.enter_context(whole_file(self.path))
@@ -53,9 +57,8 @@ class VideoWriter:
             self._whole.push(self._keep_cut)
         self._container = self._whole.enter_context(av.open(str(self._part), "w", format="webm", options=_IN_PARTS))
         self._closed = False
-        rate = max(Fraction(fps).limit_denominator(1001), Fraction(1, 1001))  # pictures have times of their own
-        self._period, self._count, self._last = 1000 / rate, 0, -1
-        self._first: float | None = None
+        # Milliseconds, the unit of WebM: from picture to picture; which time is shown at 0; when the last is shown.
+        self._period, self._first, self._last, self._count = 1000 / rate, 0.0, -1, 0
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate)
         self._stream.options = dict(_OPTIONS)
         self._stream.pix_fmt = "yuv420p"
@@ -66,23 +69,27 @@ class VideoWriter:
 
     def add(self, picture: NDArray[np.uint8], time: float | None = None) -> None:
         """time: seconds from any zero, increasing; without it the picture is shown a period after the one before."""
-        if not self._shape:
-            self._shape = picture.shape
+        self._check(picture, time)
+        at = float(self._count * self._period) if time is None else 1000 * time
+        first = self._first if self._count else at
+        shown = max(round(at - first), self._last + 1)
+        if not self._count:
             self._stream.height, self._stream.width = picture.shape[:2]
-        if picture.shape != self._shape:
-            raise ValueError(f"a video's pictures must all have shape {self._shape}, got {picture.shape}")
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
         frame = frame.reformat(format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
-        frame.pts, frame.time_base = self._shown_at(time), _MILLISECOND
+        frame.pts, frame.time_base = shown, _MILLISECOND
         self._container.mux(self._stream.encode(frame))
+        self._shape, self._first, self._last, self._count = picture.shape, first, shown, self._count + 1
 
-    def _shown_at(self, time: float | None) -> int:
-        """The frame's time in milliseconds, the unit of WebM."""
-        at = float(self._count * self._period) if time is None else 1000 * time
-        if self._first is None:
-            self._first = at
-        self._count, self._last = self._count + 1, max(round(at - self._first), self._last + 1)
-        return self._last
+    def _check(self, picture: NDArray[np.uint8], time: float | None) -> None:
+        if picture.dtype != np.uint8:
+            raise TypeError(f"a video's pictures must be uint8, got {picture.dtype}")
+        if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
+            raise ValueError(f"a video's pictures must have shape (h, w, 3), got {picture.shape}")
+        if self._shape and picture.shape != self._shape:
+            raise ValueError(f"a video's pictures must all have shape {self._shape}, got {picture.shape}")
+        if time is not None and not math.isfinite(time):
+            raise ValueError(f"a picture's time must be finite (seconds), got {time}")
 
     def _keep_cut(self, _: object, error: object, *__: object) -> None:
         """Lets a film that could not be completed take its place, if it plays."""
@@ -98,7 +105,7 @@ class VideoWriter:
         if self._closed:
             return
         self._closed = True
-        if not self._shape:  # nothing was written, so no file is made
+        if not self._count:  # nothing was written, so no file is made
             with suppress(_NoPictures), self._whole:
                 raise _NoPictures
             return
