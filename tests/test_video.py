@@ -31,6 +31,13 @@ def test_pictures_are_shown_when_they_were_taken(tmp_path):
     assert np.abs(np.array(shown) - (np.array(given) - given[0])).max() <= 0.0011
 
 
+def test_time_that_begins_anew_goes_on_in_the_film(tmp_path):
+    with VideoWriter(tmp_path / "a.webm", 25) as video:
+        for time in (7.0, 7.1, 0.0, 0.1, 0.3, -5.0, -4.9):
+            video.add(stripes(32, 40), time)
+    np.testing.assert_allclose(times(tmp_path / "a.webm"), [0, 0.1, 0.14, 0.24, 0.44, 0.48, 0.58], atol=0.0011)
+
+
 @pytest.mark.parametrize("fps", [30, 30000 / 1001, 12.5])
 def test_pictures_without_times_come_at_the_rate(tmp_path, fps):
     with VideoWriter(tmp_path / "a.webm", fps) as video:

@@ -57,8 +57,9 @@ class VideoWriter:
             self._whole.push(self._keep_cut)
         self._container = self._whole.enter_context(av.open(str(self._part), "w", format="webm", options=_IN_PARTS))
         self._closed = False
-        # Milliseconds, the unit of WebM: from picture to picture; which time is shown at 0; when the last is shown.
-        self._period, self._first, self._last, self._count = 1000 / rate, 0.0, -1, 0
+        # Milliseconds, the unit of WebM: from picture to picture; which time is shown at 0; the last picture's time, and
+        # when it is shown.
+        self._period, self._first, self._at, self._last, self._count = 1000 / rate, 0.0, -math.inf, -1, 0
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate)
         self._stream.options = dict(_OPTIONS)
         self._stream.pix_fmt = "yuv420p"
@@ -68,10 +69,13 @@ class VideoWriter:
         context.color_range = _LIMITED
 
     def add(self, picture: NDArray[np.uint8], time: float | None = None) -> None:
-        """time: seconds from any zero, increasing; without it the picture is shown a period after the one before."""
+        """time: seconds from any zero, increasing; without it, or where time begins anew with a smaller one, the
+        picture is shown a period after the one before."""
         self._check(picture, time)
         at = float(self._count * self._period) if time is None else 1000 * time
         first = self._first if self._count else at
+        if at < self._at:
+            first = at - self._last - float(self._period)
         shown = max(round(at - first), self._last + 1)
         if not self._count:
             self._stream.height, self._stream.width = picture.shape[:2]
@@ -79,7 +83,8 @@ class VideoWriter:
         frame = frame.reformat(format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
         frame.pts, frame.time_base = shown, _MILLISECOND
         self._container.mux(self._stream.encode(frame))
-        self._shape, self._first, self._last, self._count = picture.shape, first, shown, self._count + 1
+        self._shape, self._count = picture.shape, self._count + 1
+        self._first, self._at, self._last = first, at, shown
 
     def _check(self, picture: NDArray[np.uint8], time: float | None) -> None:
         if picture.dtype != np.uint8:
