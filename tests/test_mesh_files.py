@@ -385,16 +385,117 @@ def test_polygons_have_as_many_corners_in_every_file(tmp_path):
 
 
 def test_stl_and_off(tmp_path):
-    off = "OFF\n8 6 0\n" + "\n".join(
-        ["{} {} {}".format(*p) for p in CUBE] + ["4 " + " ".join(map(str, s)) for s in SIDES]
-    )
-    assert volume_of(read(tmp_path, "a.off", off)) == pytest.approx(1)
+    assert volume_of(read(tmp_path, "a.off", off())) == pytest.approx(1)
     triangles = np.array([(s[0], s[k], s[k + 1]) for s in SIDES for k in (1, 2)])
     stl = bytes(80) + struct.pack("<I", 12)
     for t in triangles:
         stl += struct.pack("<12fH", 0, 0, 0, *np.ravel(np.array(CUBE)[t]), 0)
     mesh = read(tmp_path, "a.stl", stl)
     assert len(mesh.vertices) == 8 and volume_of(mesh) == pytest.approx(1)
+
+
+def off(points=CUBE, faces=SIDES, head="OFF\n{} {} 0\n"):
+    rows = [" ".join(map(str, p)) for p in points] + [f"{len(f)} " + " ".join(map(str, f)) for f in faces]
+    return head.format(len(points), len(faces)) + "\n".join(rows) + "\n"
+
+
+OUT = [(*p, *(np.array(p) * 2 - 1) / 3**0.5) for p in CUBE]  # places and normals
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        off(head="OFF {} {} 0\n"),
+        off(head="OFF\n{} {}\n"),
+        off(head="OFF # what follows\n\n  # 3 1 0\n{} {} 0 # counts\n\n"),
+        off().replace("\n", "\r\n"),
+        off().replace("\n4 ", " # a remark\n4 "),
+        off(faces=[(*s, 255, 0, 0) for s in SIDES]).replace("\n7 ", "\n4 "),
+        off([(*p, 255, 0, 0, 255) for p in CUBE], head="COFF\n{} {} 0\n"),
+        off(OUT, head="NOFF\n{} {} 0\n"),
+        off([(*p, 0.5, 1, 0, 1) for p in OUT], head="CNOFF {} {} 0\n"),
+        off(faces=[(0, 1), *SIDES, ()]),
+        "# caf\xe9\x85\n" + off(),
+    ],
+)
+def test_off_texts(content, tmp_path):
+    mesh = read(tmp_path, "a.off", content.encode("latin-1"))
+    assert len(mesh.vertices) == 8 and volume_of(mesh) == pytest.approx(1)
+    np.testing.assert_allclose(mesh.normals, (mesh.vertices * 2 - 1) / 3**0.5, atol=1e-6)
+
+
+def test_normals_of_an_off_are_its_own(tmp_path):
+    own = np.array([0.6, 0, 0.8])
+    mesh = read(tmp_path, "a.off", off([(*p, *own) for p in CUBE], head="NOFF\n{} {} 0\n"))
+    np.testing.assert_allclose(mesh.normals, np.tile(own, (8, 1)), atol=1e-6)
+
+
+def test_polygons_of_an_off_may_be_hollow(tmp_path):
+    points, area = POLYGONS["a comb"]
+    mesh = read(tmp_path, "a.off", off([(*p, 0) for p in points], [range(len(points))]))
+    assert area_of(mesh) == pytest.approx(area)
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (off(head="PLY\n{} {} 0\n"), ["begin with OFF", '"PLY"']),
+        ("", ["begin with OFF", '""']),
+        (off(head="OFF BINARY\n{} {} 0\n"), ["numbers of vertices and faces", '"BINARY"']),
+        (off(head="OFF\n9{} {} 0\n"), ["98 vertices and 6 faces", "14 lines follow"]),
+        (off(head="OFF\n-{} {} 0\n"), ["below 0", "-8 6 0"]),
+        (off([p[:2] for p in CUBE]), ["vertex 0", "3 numbers", "0.0 0.0"]),
+        (off(head="NOFF\n{} {} 0\n"), ["vertex 0", "6 numbers"]),
+        (off(faces=[(0, 1, 8)]), ["vertex 8 of 8"]),
+        (off(faces=[(0, 1, -1)]), ["vertex -1 of 8"]),
+        (off().replace("4 1 5 7 3", "5 1 5 7 3"), ["face 5", "as many vertices", "5 1 5 7 3"]),
+        (off().replace("4 1 5 7 3", "4 1 5 7 x"), ["face 5", "4 1 5 7 x"]),
+        (off(faces=[(0, 1)]), ["holds no triangles"]),
+    ],
+)
+def test_off_errors(content, words, tmp_path):
+    same_error(lambda: read(tmp_path, "a.off", content), ValueError, "a.off", *words)
+
+
+FACET = "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n\tvertex 1 0 0\n  vertex 1 1e0 0\n endloop\nendfacet\n"
+BINARY = b"abc".ljust(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        f"solid x\n{FACET}endsolid x\n",
+        f"solid\n{FACET}",
+        f"solid x\n{FACET}endsolid x\n".upper(),
+        f"\ufeff\n solid facet vertex 1\n{FACET}endsolid facet vertex 1\n".replace("\n", "\r\n"),
+        f"solid K\xf6rper\n{FACET}".encode("latin-1"),
+        BINARY,
+        b"solid facet" + BINARY[11:],
+        BINARY + b"\n",
+        BINARY + b"\0" * 50,
+    ],
+)
+def test_stl_of_one_facet(content, tmp_path):
+    mesh = read(tmp_path, "a.stl", content)
+    np.testing.assert_array_equal(mesh.vertices[mesh.triangles], [[(0, 0, 0), (1, 0, 0), (1, 1, 0)]])
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (BINARY[:80] + b"\3\0\0\0" + BINARY[84:], ["cut off: 3 facets need 234 bytes", "has 134"]),
+        (b"solid" + BINARY[5:-1], ["cut off: 1 facets need 134 bytes", "has 133"]),
+        (BINARY[:50], ["cut off"]),
+        ("solid x\n" + FACET + FACET[:60], ["cut off", "5 vertices"]),
+        ("solid x\n" + FACET.replace("1e0 0", "1e0"), ["line 6", "3 numbers", '"1 1e0"']),
+        ("solid x\n" + FACET.replace("1e0", "1,0"), ["line 6", "1,0"]),
+        ("solid x\n" + FACET.replace("1e0", "nan"), ["finite"]),
+        ("solid x\nendsolid x\n", ["holds no triangles"]),
+        (BINARY[:80] + bytes(4), ["holds no triangles"]),
+    ],
+)
+def test_stl_errors(content, words, tmp_path):
+    same_error(lambda: read(tmp_path, "a.stl", content), ValueError, "a.stl", *words)
 
 
 # --- glTF

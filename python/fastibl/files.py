@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import gltf, obj_object
+from . import gltf, obj_object, plain_meshes
 from ._fastibl import Material, Mesh, Response, _polygon_triangles, _read_obj
 from .expected import expect
 from .file_limits import MOST_CORNERS, check_file_size, file_bytes
@@ -37,7 +36,7 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
     such a mesh, is damaged, or is larger than fastibl.file_limits allows, and for the uvs or colours of other files.
     """
     path = _existing(path, up, "mesh")
-    if path.suffix.lower() not in _READERS:  # trimesh's other formats are archives, or fetch files that they name
+    if path.suffix.lower() not in _READERS:
         raise ValueError(f"{path} is no mesh that is read; those end in {', '.join(_READERS)}")
     if uvs and path.suffix.lower() != ".obj":
         raise ValueError(f"uvs are read of .obj files, got {path}; read_object keeps those of .glb and .gltf")
@@ -48,7 +47,7 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
     check_file_size(path)
     try:
         found = _READERS[path.suffix.lower()](path, uvs, colors)
-    except Exception as error:  # trimesh and plyfile may raise anything
+    except Exception as error:  # plyfile may raise anything
         raise ValueError(f"{path} is not a mesh that can be read: {error}") from error
     if found is None or len(found[0].triangles) == 0:
         raise ValueError(f"{path} holds no triangles")
@@ -154,18 +153,27 @@ def _read_ply(path: Path, _: bool, colors: bool) -> _Found | None:
         normals = np.stack([vertex[axis] for axis in ("nx", "ny", "nz")], axis=1)
     faces = data["face"].data
     corners = faces["vertex_indices" if "vertex_indices" in faces.dtype.names else "vertex_index"]
-    counts = np.array([len(polygon) for polygon in corners])
-    if counts.max() > MOST_CORNERS:
-        raise ValueError(f"a face may have {MOST_CORNERS} corners, got {counts.max()}")
-    triangles = [np.stack(corners[counts == 3])] if (counts == 3).any() else []
-    for polygon in corners[counts > 3]:
-        triangles.append(polygon[_polygon_triangles(places[polygon])])
-    if not triangles:
+    triangles = _triangles_of(corners, places)
+    if triangles is None:
         return None
-    every = np.concatenate(triangles).astype(np.int64)
-    if every.min() < 0 or every.max() >= len(places):
-        raise ValueError(f"a face names vertex {every.max()} of {len(places)}")
-    return _merged(places, every, normals, _colours_of(vertex) if colors else None)
+    return _merged(places, triangles, normals, _colours_of(vertex) if colors else None)
+
+
+def _triangles_of(polygons: Sequence[NDArray], places: NDArray) -> NDArray[np.int64] | None:
+    """Polygons cut into triangles; without those of fewer than three corners."""
+    polygons = [polygon for polygon in polygons if len(polygon) > 2]
+    if not polygons:
+        return None
+    most = max(len(polygon) for polygon in polygons)
+    if most > MOST_CORNERS:
+        raise ValueError(f"a face may have {MOST_CORNERS} corners, got {most}")
+    named = np.concatenate(polygons).astype(np.int64)
+    if named.min() < 0 or named.max() >= len(places):
+        raise ValueError(f"a face names vertex {named.min() if named.min() < 0 else named.max()} of {len(places)}")
+    three = [polygon for polygon in polygons if len(polygon) == 3]
+    triangles = [np.stack(three)] if three else []
+    triangles += [polygon[_polygon_triangles(places[polygon])] for polygon in polygons if len(polygon) > 3]
+    return np.concatenate(triangles).astype(np.int64)
 
 
 def _colours_of(vertex: NDArray) -> NDArray | None:
@@ -200,13 +208,15 @@ def _check_elements(path: Path) -> None:
         raise ValueError(f"its header counts elements of {least} bytes or more; it has {size}")
 
 
-def _read_by_trimesh(path: Path, *_: bool) -> _Found | None:
-    import trimesh
+def _read_off(path: Path, *_: bool) -> _Found | None:
+    places, polygons, normals = plain_meshes.read_off(path)
+    triangles = _triangles_of(polygons, places)
+    return None if triangles is None else _merged(places, triangles, normals)
 
-    loaded: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
-    if len(getattr(loaded, "faces", ())) == 0:
-        return None
-    return _merged(loaded.vertices, np.asarray(loaded.faces, np.int64))
+
+def _read_stl(path: Path, *_: bool) -> _Found | None:
+    corners = plain_meshes.read_stl(path)
+    return None if len(corners) == 0 else _merged(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 
 _OBJECTS: dict[str, Callable[[Path], tuple[Mesh, Material | None, Offset]]] = {
@@ -215,7 +225,7 @@ _OBJECTS: dict[str, Callable[[Path], tuple[Mesh, Material | None, Offset]]] = {
 # The reader of each kind of file; its arguments are the path, whether uvs are wanted, and whether colours are.
 _READERS: dict[str, Callable[[Path, bool, bool], _Found | None]] = {
     ".obj": _read_obj_file, ".ply": _read_ply, ".glb": _read_gltf, ".gltf": _read_gltf,
-    ".stl": _read_by_trimesh, ".off": _read_by_trimesh,
+    ".stl": _read_stl, ".off": _read_off,
 }  # fmt: skip
 
 
