@@ -1,12 +1,14 @@
 """The live page as a person uses it, in Chromium: every control, both schemes, a small window."""
 
 import time
+from contextlib import contextmanager
+from dataclasses import replace
 
 import cv2
 import pytest
 
 import fastibl
-from bench.live_browser import browser, exercise, missing, open_page, served
+from bench.live_browser import browser, exercise, missing, open_page, served, wait
 from fastibl.live_page import Choices, LiveLoop, Settings
 from fastibl.sources import BackAndForth, Paced
 
@@ -19,14 +21,14 @@ def film():
     return fastibl.simulate(seconds=0.6, fps=10, size=(320, 240), truth_size=8, hand=False)
 
 
-@pytest.fixture
-def page_of(film, tmp_path):
+@contextmanager
+def pages(film, folder):
     loop = LiveLoop(
         Paced(BackAndForth(film, 0.1), catch_up=0.1),
         Choices(height=0.1),
         Settings("cube"),
         {"distance": 3.0},
-        folder=tmp_path,
+        folder=folder,
         about="simulated",
     )
     with served(loop, ("a notice",)) as server, browser() as opened:
@@ -36,6 +38,12 @@ def page_of(film, tmp_path):
             made.viewers = server.viewers
             return made
 
+        yield page
+
+
+@pytest.fixture
+def page_of(film, tmp_path):
+    with pages(film, tmp_path) as page:
         yield page
 
 
@@ -79,3 +87,27 @@ def test_views_are_chosen_as_radio_buttons_are(page_of):
         page.keyboard.press(key)
         assert page.evaluate(checked) == [expected] == [page.evaluate("document.activeElement.dataset.view")]
     assert page.evaluate("[...$('views').children].filter((b) => b.tabIndex === 0).length") == 1
+
+
+@pytest.mark.parametrize(
+    "film_of, said",
+    [
+        (lambda film, back: fastibl.Recording(fastibl.Rig(film.rig.back), back, film.board), "No front camera"),
+        (lambda film, back: fastibl.Recording(film.rig, back, film.board), "No picture of the front camera yet"),
+    ],
+)
+def test_a_view_without_a_picture_is_empty(film, tmp_path, film_of, said):
+    back = [replace(frame, front=None) for frame in film if frame.back is not None]
+    blank = "['picture', 'overlay'].every((id) => { const c = $(id);"
+    blank += " return !c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(Boolean) })"
+    with pages(film_of(film, back), tmp_path) as page_of:
+        page = page_of()
+        page.keyboard.press("a")
+        wait(page, f"!({blank})")
+        page.keyboard.press("3")
+        wait(page, f"!$('hint').hidden && $('hint').textContent.startsWith('{said}')")
+        assert page.evaluate(blank)
+        page.keyboard.press("1")
+        wait(page, f"shown > 0 && !({blank})")
+        wait(page, f"$('hint').hidden || !$('hint').textContent.startsWith('{said}')")
+        assert not page.errors

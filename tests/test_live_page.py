@@ -271,6 +271,7 @@ def test_numbers_are_the_sessions(run):
     assert low <= state["light"]["captured"] <= high
     assert state["light"]["guidance"] == "all of the sky was seen"
     assert state["board"]["seen"] and state["board"]["metres"] == pytest.approx(np.linalg.norm(POSE.translation))
+    assert state["front"] is False
     assert state["source"] == "noise" and state["size"] == [96, 72] and state["viewers"] == 1
 
 

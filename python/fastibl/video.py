@@ -57,7 +57,7 @@ class VideoWriter:
             self._whole.push(self._keep_cut)
         self._container = self._whole.enter_context(av.open(str(self._part), "w", format="webm", options=_IN_PARTS))
         self._closed = False
-        # Milliseconds, the unit of WebM: from picture to picture; which time is shown at 0; the last picture's time, and
+        # Milliseconds, the unit of WebM: from picture to picture; which time is shown at 0; the last picture's time;
         # when it is shown.
         self._period, self._first, self._at, self._last, self._count = 1000 / rate, 0.0, -math.inf, -1, 0
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate)

@@ -73,9 +73,10 @@ const settled = (name) => !(waiting[name] > performance.now());
 let view = "composite", shown = 0, axes = false, aborting = new AbortController();
 const drawn = []; // when, in the last second
 let taken = 0; // pictures drawn since the page was opened
+let empty = false; // whether the view has no picture
 
 function show(name) {
-  view = name, shown = 0;
+  view = name, shown = 0, empty = false;
   aborting.abort();
   for (const button of $("views").children) {
     const on = button.dataset.view === name;
@@ -90,11 +91,16 @@ async function pictures() {
       const query = { after: shown, wait: 1, ...(axes ? { overlay: 1 } : {}) };
       const asked = view;
       const answer = await ask(address(`picture/${view}`, query), { signal: aborting.signal });
-      if (answer.status !== 200) { await sleep(50); continue; }
+      if (answer.status !== 200) {
+        if (answer.status === 204 && asked === view && !shown) clear();
+        await sleep(50);
+        continue;
+      }
       const bitmap = await createImageBitmap(await answer.blob());
       if (asked !== view) continue;
       shown = Number(answer.headers.get("X-Picture"));
       draw($("picture"), bitmap);
+      empty = false;
       drawOverlay(axes && answer.headers.get("X-Overlay"));
       const now = performance.now();
       drawn.push(now), taken++;
@@ -111,6 +117,12 @@ function draw(canvas, bitmap) {
   }
   canvas.getContext("2d").drawImage(bitmap, 0, 0);
   bitmap.close();
+}
+function clear() {
+  const canvas = $("picture");
+  canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
+  drawOverlay(null);
+  empty = true;
 }
 function drawOverlay(header) {
   const canvas = $("overlay"), { width, height } = $("picture");
@@ -197,6 +209,8 @@ function renderHint(s) {
   let title = "", text = "";
   leftOut = s.left_out ? leftOut || performance.now() : 0;
   if (s.state === "waiting" && !s.picture) title = "Waiting for the first picture", text = sentence(s.left_out) || (s.messages.at(-1)?.text ?? sentence(s.reason));
+  else if (empty && view === "front" && !s.front) title = "No front camera", text = "There are pictures of the back camera alone.";
+  else if (empty && view === "front") title = "No picture of the front camera yet", text = "It is shown here as soon as one comes.";
   else if (s.state === "waiting" && isLate(s)) title = "Waiting for pictures", text = `${sentence(s.left_out || s.reason)} ${s.messages.at(-1)?.text ?? ""}`;
   else if (s.state === "running" && leftOut && performance.now() - leftOut > 3000) title = "Pictures are left out", text = sentence(s.left_out);
   else if (s.state === "ended") title = "The source has ended", text = `${sentence(s.reason)} Start anew begins again.`;
