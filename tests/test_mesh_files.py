@@ -354,6 +354,39 @@ def test_ply_with_normals_and_with_uvs_of_corners(tmp_path):
     same_error(lambda: read(tmp_path, "c.ply", ply(b"ascii", [(0, 1, 8)])), ValueError, "c.ply", "vertex 8 of 8")
 
 
+@pytest.mark.parametrize("form", [b"ascii", b"binary_little_endian"])
+@pytest.mark.parametrize("newline", [b"\n", b"\r", b"\r\n"])
+def test_ply_with_remarks_of_any_bytes(form, newline, tmp_path):
+    remarks = b"comment TextureFile caf\xc3\xa9.png\nobj_info \xff end_header\nelement face"
+    head, end, tail = ply(form, MIXED).replace(b"element face", remarks).rpartition(b"end_header\n")
+    content = (head + end).replace(b"\n", newline) + (tail.replace(b"\n", newline) if form == b"ascii" else tail)
+    assert volume_of(read(tmp_path, "a.ply", content)) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("form", [b"ascii", b"binary_little_endian"])
+@pytest.mark.parametrize("none", [(0.0, 0.0, 0.0), (np.nan, 0.0, 1.0), (0.0, np.inf, 0.0)])
+def test_normals_of_a_ply_that_are_none(form, none, tmp_path):
+    """Smooth ones in their place."""
+    own = (0.6, 0, 0.8)
+    named = b"property float nx\nproperty float ny\nproperty float nz\n"
+    mesh = read(tmp_path, "a.ply", ply(form, SIDES, vertex=named, rows=[(*p, *none) for p in CUBE]))
+    plain = read(tmp_path, "b.ply", ply(form, SIDES))
+    np.testing.assert_array_equal(mesh.normals, plain.normals)
+    assert mesh._given_normals is None
+    rows = [(*p, *(own if k == 3 else none)) for k, p in enumerate(CUBE)]
+    mesh = read(tmp_path, "c.ply", ply(form, SIDES, vertex=named, rows=rows))
+    there = (mesh.vertices == CUBE[3]).all(axis=1)
+    np.testing.assert_allclose(mesh.normals[there], [own], atol=1e-6)
+    others = {tuple(p): n for p, n in zip(plain.vertices.tolist(), plain.normals, strict=True)}
+    for p, n in zip(mesh.vertices[~there].tolist(), mesh.normals[~there], strict=True):
+        np.testing.assert_allclose(n, others[tuple(p)], atol=0.3)
+
+
+@pytest.mark.parametrize("faces, named", [([(0, 1, -1)], -1), ([(0, 1, 2, -3)], -3), ([(0, 1, 2, 9)], 9)])
+def test_ply_of_a_vertex_that_is_not_there(faces, named, tmp_path):
+    same_error(lambda: read(tmp_path, "a.ply", ply(b"ascii", faces)), ValueError, f"vertex {named} of 8")
+
+
 @pytest.mark.parametrize("newline", [b"\n", b"\r", b"\r\n"])
 def test_ply_of_more_elements_than_bytes(newline, tmp_path):
     """Rows without properties take none, and were counted for ever."""

@@ -186,6 +186,7 @@ def test_obj(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "names", "white"),
     [("uchar", ("red", "green", "blue"), 255), ("float", ("red", "green", "blue"), 1.0),
+     ("float", ("red", "green", "blue"), 255.0),
      ("ushort", ("diffuse_red", "diffuse_green", "diffuse_blue"), 65535)],
 )  # fmt: skip
 def test_ply(kind, names, white, tmp_path):

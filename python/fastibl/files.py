@@ -15,11 +15,13 @@ from . import gltf, obj_object, plain_meshes
 from ._fastibl import Material, Mesh, Response, _polygon_triangles, _read_obj
 from .expected import expect
 from .file_limits import MOST_CORNERS, check_file_size, file_bytes
+from .parts import Part, normals_of
 from .rounded_places import Offset, offset_of, warn_of_offset
 
 _MOST_HEADER = 2**20  # bytes of the header of a .ply
 _COLOURED = (".obj", ".ply")  # endings of files whose vertices may have colours
 _Found = tuple[Mesh, Offset]
+_MOST_OF_ONE = 1.5  # colours whose white is 1 hardly exceed it, as in the reader of .obj
 _COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"))  # in a .ply
 
 
@@ -27,7 +29,7 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y", uvs: bool = False, co
     """Triangle mesh of a file (.obj, .ply, .glb, .gltf, .stl, .off), turned so that +z is up.
 
     up: the file's upward axis, "y" (most files) or "z". Vertices with the same place and normal become one. Normals are
-    the file's own; if it has none, they are smooth, across texture seams as well, but flat in glTF, as that format
+    the file's own; where it has none, they are smooth, across texture seams as well, but flat in glTF, as that format
     requires. uvs: whether to keep those of an .obj, for textures of Material.pbr; vertices are divided at seams,
     corners without uvs get (0, 0), and a file without uvs gives Mesh.uvs None. colors: whether to keep the vertices'
     colours of an .obj (as MeshLab writes them) or .ply, which are taken as sRGB; a file without colours gives
@@ -142,21 +144,28 @@ def _read_gltf(path: Path, *_: bool) -> _Found:
 def _read_ply(path: Path, _: bool, colors: bool) -> _Found | None:
     from plyfile import PlyData
 
-    _check_elements(path)
-    data = PlyData.read(io.BytesIO(file_bytes(path)), mmap=False, known_list_len={})  # of text, it leaves files open
+    content = _without_remarks(file_bytes(path))
+    data = PlyData.read(io.BytesIO(content), mmap=False, known_list_len={})  # of text, it leaves files open
     if "face" not in data or len(data["face"]) == 0:
         return None
     vertex = data["vertex"].data
     places = np.stack([vertex[axis] for axis in "xyz"], axis=1).astype(np.float64)
-    normals = None
-    if {"nx", "ny", "nz"} <= set(vertex.dtype.names):
-        normals = np.stack([vertex[axis] for axis in ("nx", "ny", "nz")], axis=1)
+    named = {"nx", "ny", "nz"} <= set(vertex.dtype.names)
+    normals = np.stack([vertex[axis] for axis in ("nx", "ny", "nz")], axis=1) if named else None
     faces = data["face"].data
     corners = faces["vertex_indices" if "vertex_indices" in faces.dtype.names else "vertex_index"]
     triangles = _triangles_of(corners, places)
     if triangles is None:
         return None
-    return _merged(places, triangles, normals, _colours_of(vertex) if colors else None)
+    return _merged(places, triangles, _filled(normals, places, triangles), _colours_of(vertex) if colors else None)
+
+
+def _filled(normals: NDArray | None, places: NDArray, triangles: NDArray) -> NDArray | None:
+    """A file's normals with smooth ones where it has none that is one; None where it has none at all."""
+    if normals is None:
+        return None
+    finite = np.where(np.isfinite(normals).all(axis=1, keepdims=True), normals, 0).astype(np.float64)
+    return normals_of(Part(places, triangles, finite, {}, 0)) if finite.any() else None
 
 
 def _triangles_of(polygons: Sequence[NDArray], places: NDArray) -> NDArray[np.int64] | None:
@@ -177,41 +186,46 @@ def _triangles_of(polygons: Sequence[NDArray], places: NDArray) -> NDArray[np.in
 
 
 def _colours_of(vertex: NDArray) -> NDArray | None:
-    """Linear colours (v, 3) of a .ply's vertices; whole numbers range to 255 (or 65535), others to 1."""
+    """Linear colours (v, 3) of a .ply's vertices; whole numbers range to 255 (or 65535), others to 1, or to 255 where
+    one exceeds 1.5, as in an .obj."""
     names = next((n for n in _COLOUR_NAMES if set(n) <= set(vertex.dtype.names or ())), None)
     if names is None:
         return None
     encoded = np.stack([vertex[name] for name in names], axis=1)
-    white = np.iinfo(encoded.dtype).max if encoded.dtype.kind == "u" else 255 if encoded.dtype.kind == "i" else 1
+    to_255 = encoded.dtype.kind == "i" or (encoded > _MOST_OF_ONE).any()
+    white = np.iinfo(encoded.dtype).max if encoded.dtype.kind == "u" else 255 if to_255 else 1
     return Response.srgb().decode((encoded / white).astype(np.float32))
 
 
-def _check_elements(path: Path) -> None:
-    """Raises ValueError for a .ply file that is shorter than its header claims: plyfile reads elements that take no
-    bytes as often as the header says."""
-    with open(path, "rb") as file:
-        header = file.read(_MOST_HEADER)
-    newline = b"\r\n" if header[3:5] == b"\r\n" else header[3:4] or b"\n"
+def _without_remarks(content: bytes) -> bytes:
+    """A .ply without its remarks, which plyfile reads as ASCII only. Raises ValueError for one that is shorter than its
+    header claims: plyfile reads elements that take no bytes as often as the header says."""
+    newline = b"\r\n" if content[3:5] == b"\r\n" else content[3:4] or b"\n"
+    kept: list[bytes] = []
     counts: list[list[int]] = []  # numbers of rows and properties of each element
-    for line in header.split(newline):
-        words = line.decode("ascii").split()
-        if words[:1] == ["element"] and len(words) == 3:
+    end = 0
+    for line in content[:_MOST_HEADER].split(newline):
+        words, end = line.split(), end + len(line + newline)
+        if words[:1] not in ([b"comment"], [b"obj_info"]):
+            kept.append(line)
+        if words[:1] == [b"element"] and len(words) == 3:
             counts.append([max(int(words[2]), 0), 0])
-        elif words[:1] == ["property"] and counts:
+        elif words[:1] == [b"property"] and counts:
             counts[-1][1] += 1
-        elif words[:1] == ["end_header"]:
+        elif words[:1] == [b"end_header"]:
             break
     else:
         raise ValueError(f"its header does not end within {_MOST_HEADER} bytes")
-    least, size = sum(rows * max(properties, 1) for rows, properties in counts), path.stat().st_size
-    if least > size:
-        raise ValueError(f"its header counts elements of {least} bytes or more; it has {size}")
+    least = sum(rows * max(properties, 1) for rows, properties in counts)
+    if least > len(content):
+        raise ValueError(f"its header counts elements of {least} bytes or more; it has {len(content)}")
+    return newline.join(kept) + content[end - len(newline) :]
 
 
 def _read_off(path: Path, *_: bool) -> _Found | None:
     places, polygons, normals = plain_meshes.read_off(path)
     triangles = _triangles_of(polygons, places)
-    return None if triangles is None else _merged(places, triangles, normals)
+    return None if triangles is None else _merged(places, triangles, _filled(normals, places, triangles))
 
 
 def _read_stl(path: Path, *_: bool) -> _Found | None:

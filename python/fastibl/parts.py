@@ -64,7 +64,7 @@ class Part:
 
     def _carried(self) -> NDArray:
         """(n, k): what vertices have besides uvs."""
-        self.normals = _normals_of(self)
+        self.normals = normals_of(self)
         return np.hstack([v for name in _CARRIED if (v := getattr(self, name)) is not None])
 
     def _carry(self, values: NDArray) -> None:
@@ -151,7 +151,7 @@ def _unit(vectors: NDArray) -> NDArray:
         return np.where(np.isfinite(lengths) & (lengths > 0), vectors / lengths, 0)
 
 
-def _normals_of(part: Part) -> NDArray:
+def normals_of(part: Part) -> NDArray:
     """Unit normals; where a part has none that is one, those of its triangles."""
     normals = _unit(part.normals)
     void = ~normals.any(axis=1)
@@ -180,7 +180,7 @@ def _all_triangles(parts: list[Part]) -> NDArray[np.int64]:
 
 
 def mesh_of(parts: list[Part]) -> Mesh:
-    normals = np.concatenate([_normals_of(p) for p in parts])
+    normals = np.concatenate([normals_of(p) for p in parts])
     return Mesh(
         np.concatenate([p.vertices for p in parts]),
         _all_triangles(parts),
