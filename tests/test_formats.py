@@ -675,6 +675,11 @@ def test_usd_dome_light(marked, tmp_path, axes):
             np.testing.assert_allclose(image[row, column], opengl_lookup(marked.faces, d), rtol=0.02)
             checked += 1
     assert checked > 100
+    for name in ("room@2x.usda", "a@@@b@@.usda", 'my "room" ü.usda'):
+        path, picture = fastibl.write_usd(tmp_path / name, marked, axes=axes, height=8)
+        stage = usd.Stage.Open(str(path))
+        light = lux.DomeLight(stage.GetPrimAtPath("/Light/Environment"))
+        assert light.GetTextureFileAttr().Get().resolvedPath == str(picture)
     same_error(lambda: fastibl.write_usd(tmp_path / "a.usd", marked), ValueError, "a.usd", ".usda")
     same_error(lambda: fastibl.write_usd(tmp_path / "a.usda", marked, axes="unity"), ValueError, "unity")
     same_error(lambda: fastibl.write_usd(tmp_path / "a.usda", marked, format="png"), ValueError, "png")

@@ -57,6 +57,12 @@ def write_usd(
     return [path, picture]
 
 
+def _asset(path: str) -> str:
+    """A path in USD's text: between @, or between @@@ where it holds one."""
+    escaped = path.replace("@@@", r"\@@@")
+    return f"@@@{escaped}@@@" if "@" in path else f"@{path}@"
+
+
 def _stage(picture: str, axes: str) -> str:
     return f"""#usda 1.0
 (
@@ -69,7 +75,7 @@ def Xform "Light"
 {{
     def DomeLight "Environment"
     {{
-        asset inputs:texture:file = @./{picture}@
+        asset inputs:texture:file = {_asset("./" + picture)}
         token inputs:texture:format = "latlong"
         float inputs:intensity = 1
         float inputs:exposure = 0
