@@ -507,6 +507,9 @@ def test_folders(tmp_path):
     frames = list(source)
     assert len(source) == 3 and [f.time for f in frames] == pytest.approx([0, 0.1, 0.2])
     assert tuple(frames[1].back[0, 0]) == (1, 20, 10) and frames[2].front is None
+    (tmp_path / "back" / "._000.png").write_bytes(b"Mac OS X")
+    (tmp_path / "back" / "003.png").mkdir()
+    assert len(sources.FolderSource(RIG, tmp_path / "back", fps=10)) == 3
     (tmp_path / "back" / "001.png").write_bytes(b"broken")
     with pytest.warns(fastibl.recording.RecordingWarning, match="001.png"):
         frames = list(source)

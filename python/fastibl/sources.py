@@ -376,10 +376,15 @@ def _by_place(files: dict[str, list[Path]]) -> dict[str, dict[int, Path]]:
     return {name: {place[n]: path for n, path in zip(numbers[name], files[name], strict=True)} for name in files}
 
 
+def _is_picture(path: Path) -> bool:
+    """Macs put files of their own beside others, with ._ before the name."""
+    return path.is_file() and not path.name.startswith(".")
+
+
 def _pictures_in(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise FileNotFoundError(f"no folder of pictures at {folder}")
-    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in PICTURES), key=_by_number)
+    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in PICTURES and _is_picture(p)), key=_by_number)
     if not files:
         raise ValueError(f"{folder} holds no pictures ({', '.join(PICTURES)})")
     return files
