@@ -1,5 +1,6 @@
 """Videos: shown when they were taken, in the colours that they are said to be in, whole or not at all."""
 
+import re
 import shutil
 from contextlib import contextmanager
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from fastibl.video import VideoWriter
+from fastibl.whole_file import path_ending
 
 av = pytest.importorskip("av")
 COLOURS = np.array([(230, 60, 60), (60, 200, 60), (60, 60, 220), (200, 140, 100), (128, 128, 128)])
@@ -89,6 +91,19 @@ def test_an_older_video_stays_where_a_new_one_cannot_be_written(tmp_path, monkey
     with pytest.raises(OSError, match="No space"):
         video.close()
     assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_is_not_written_over(tmp_path):
+    path = tmp_path / "a.webm"
+    path.mkdir()
+    with pytest.raises(IsADirectoryError, match=re.escape(str(path))):
+        VideoWriter(path, 30)
+    for ending in (".png", ".exr", ".ktx2"):
+        path = tmp_path / f"a{ending}"
+        path.mkdir()
+        with pytest.raises(IsADirectoryError, match=re.escape(str(path))):
+            path_ending(path, ending)
+    assert not list(tmp_path.glob("*/*")) and not list(tmp_path.glob("*.part"))
 
 
 def test_no_picture_is_no_video(tmp_path):

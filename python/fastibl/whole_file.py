@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import stat
@@ -14,11 +15,18 @@ _STEM = 40  # characters of the name that are kept: a name as long as the file s
 
 
 def path_ending(path: str | os.PathLike[str], *endings: str) -> Path:
-    """The path of a file to be written. Raises ValueError unless it ends in one of these, in small letters or large."""
-    path = Path(path)
+    """The path of a file to be written. Raises ValueError unless it ends in one of these, in small letters or large;
+    IsADirectoryError for a folder."""
+    path = _no_folder(path)
     if path.suffix.lower() not in endings:
         raise ValueError(f"{path} must end in {' or '.join(endings)}")
     return path
+
+
+def _no_folder(path: str | os.PathLike[str]) -> Path:
+    if Path(path).is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    return Path(path)
 
 
 @contextmanager
@@ -27,8 +35,9 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     A device or a pipe, which is not a file, is written to under its own name; links stay, and so does the mode of a
     file that was there. The name is that of a new file: nothing is written through a link that somebody placed there.
+    Raises IsADirectoryError for a folder.
     """
-    path = Path(path)
+    path = _no_folder(path)
     if path.exists() and not path.is_file():
         yield path
         return
