@@ -57,6 +57,7 @@ def test_logs(tmp_path, name):
         ("time,ax,bx,y,z\n" + "1,2,3,4,5\n" * 5, "one each of the rates"),
         ("time,x,y,z\n1,2,3,4\n2,2,3,4\n3,2,three,4\n", "line 4: expected numbers, got '3,2,three,4'"),
         ("time,x,y,z\n1,2,3,4\n2,2,3\n", "line 3: expected numbers"),
+        ("# a log\n\ntime,x,y,z\n# begun\n1,2,3,4\n\n2,2,bad,3\n3,2,3,4", "line 7: expected numbers, got '2,2,bad,3'"),
         ("1,0,0,0\n" * 5, "are no gyroscope's"),
         ("time,x (rpm),y (rpm),z (rpm)\n0,1,2,3\n0.01,1,2,3\n", "rates in 'rpm'; expected rad/s or deg/s"),
         ("time (s),x,y,z\n" + "".join(f"{5 * k},0,0,0\n" for k in range(9)), "times 5 apart are no gyroscope's"),
@@ -68,6 +69,17 @@ def test_what_is_no_log(tmp_path, text, told):
         read_gyroscope(tmp_path / "log")
     print(error.value)
     assert told in str(error.value)
+
+
+@pytest.mark.parametrize("cut", ["0.5,0.1", "0.5,0.1,0.", "0.5,0.1,-,"])
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path, cut):
+    (tmp_path / "log").write_text("# a log\n" + table(",", TIMES, X, Y, Z) + cut)
+    with pytest.warns(UserWarning, match=f"log line 52, its last, is cut off and left out: '{cut}'") as told:
+        times, _ = read_gyroscope(tmp_path / "log")
+    assert told[0].filename == __file__
+    np.testing.assert_allclose(times, TIMES, atol=1e-6)
+    (tmp_path / "log").write_text(table(",", TIMES, X, Y, Z).rstrip("\n"))
+    np.testing.assert_allclose(read_gyroscope(tmp_path / "log")[0], TIMES, atol=1e-6)
 
 
 def test_a_first_reading_of_whole_numbers(tmp_path):

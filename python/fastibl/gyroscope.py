@@ -30,11 +30,13 @@ def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], N
     path: text in columns separated by commas, semicolons, tabs or spaces. With a header, the time and the columns whose
     names end in x, y and z are read (those of a gyroscope, if there are several sensors), in the units given in
     parentheses; without one, time and three rates. A time without a unit is in whichever of s, ms, us and ns makes 5 to
-    5000 readings a second. Readings are sorted, and of those at the same time one is kept. Raises ValueError that names
-    what was found for anything else.
+    5000 readings a second. Readings are sorted, and of those at the same time one is kept. A last line that is cut off
+    is left out, with a warning. Raises ValueError that names what was found for anything else.
     """
     with open(path, encoding="utf-8-sig", errors="replace") as file:
-        lines = [line.strip() for line in file if line.strip() and not line.lstrip().startswith("#")]
+        every = file.readlines()
+    numbers = [n for n, line in enumerate(every, 1) if line.strip() and not line.lstrip().startswith("#")]
+    lines = [every[n - 1].strip() for n in numbers]
     if len(lines) < 3:
         raise ValueError(f"{path} holds {len(lines)} lines; expected readings of a gyroscope")
     separator = _separator(lines[1])
@@ -43,13 +45,17 @@ def read_gyroscope(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], N
     if header is None and len(rows[0]) != 4:
         raise ValueError(f"{path} must have four columns, time and three rates, or a header; got {len(rows[0])}")
     columns = [0, 1, 2, 3] if header is None else _columns(header, rows[0], path)
-    table = np.empty((len(rows), 4))
+    table = np.full((len(rows), 4), np.nan)
     for k, row in enumerate(rows):
         values = _numbers([row[c] for c in columns]) if len(row) > max(columns) else None
-        if values is None:
-            line = k + (header is not None)
-            raise ValueError(f"{path} line {line + 1}: expected numbers, got {lines[line][:60]!r}")
-        table[k] = values
+        if values is not None:
+            table[k] = values
+            continue
+        line = k + (header is not None)
+        where = f"{path} line {numbers[line]}"
+        if k < len(rows) - 1 or every[-1].endswith("\n"):
+            raise ValueError(f"{where}: expected numbers, got {lines[line][:60]!r}")
+        warnings.warn(f"{where}, its last, is cut off and left out: {lines[line][:60]!r}", stacklevel=2)
     units = [_unit(header[c]) if header else "" for c in columns]
     table = table[np.isfinite(table).all(axis=1)]
     _, kept = np.unique(table[:, 0], return_index=True)
