@@ -5,6 +5,7 @@ import gc
 import json
 import struct
 import warnings
+from urllib.parse import quote
 
 import cv2
 import numpy as np
@@ -676,6 +677,18 @@ def test_gltf_instances(tmp_path):
             content["accessors"][attributes[name]] |= change
         path.write_text(json.dumps(content))
         same_error(lambda: fastibl.read_mesh(path), ValueError, "a.gltf", words)
+
+
+def test_gltf_of_data_whose_characters_are_escaped(tmp_path):
+    file = Gltf()
+    file.json["bufferViews"].append({"buffer": 1, "byteLength": 36})
+    file.json["accessors"].append({"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"})
+    path = file.write(tmp_path / "a.gltf", [{"attributes": {"POSITION": 0}}])
+    content = json.loads(path.read_text())
+    uri = "data:application/octet-stream;base64," + quote(base64.b64encode(POINTS[:3].tobytes()), safe="")
+    content["buffers"].append({"byteLength": 36, "uri": uri.replace("A", "%41")})
+    path.write_text(json.dumps(content))
+    np.testing.assert_allclose(fastibl.read_mesh(path, up="z").vertices, POINTS[:3])
 
 
 def test_what_is_left_out_of_geometry_is_said(tmp_path):

@@ -51,7 +51,7 @@ class Container:
         if uri is None:
             return self.chunk
         if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
+            return base64.b64decode(unquote(uri.partition(",")[2]))
         try:
             return self._files.bytes(unquote(uri))
         except FileNotFoundError as error:  # if the file itself is missing, another error is raised
