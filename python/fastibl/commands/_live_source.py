@@ -104,7 +104,7 @@ def _recorded(arguments: argparse.Namespace) -> Opened:
     from ..recording import Recording
     from ..sources import Paced
 
-    of_cameras = ("rig", "fov", "front_fov", "exposures", "flicker", "size")
+    of_cameras = ("rig", "fov", "front_fov", "exposures", "flicker", "size", "patience")
     _refuse(arguments, of_cameras, "is of cameras; a recording has its own")
     recording = Recording.open(arguments.recording)
     if arguments.board is not None:

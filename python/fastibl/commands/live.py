@@ -128,6 +128,9 @@ def _run(arguments: argparse.Namespace, ending: _Ending) -> int:
 
     if not 0 <= arguments.port < 1 << 16:
         raise ValueError(f"--port must be from 0 to 65535, got {arguments.port}")
+    for name in ("port", "open", "token_file"):
+        if arguments.no_page and getattr(arguments, name):
+            raise ValueError(f"--{name.replace('_', '-')} is of the page, and with --no-page there is none")
     token = _token_of(arguments.token_file)
     choices = Choices(arguments.object or (), arguments.up, arguments.height)
     settings = Settings(
