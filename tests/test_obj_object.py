@@ -141,6 +141,23 @@ def test_what_is_missing_or_left_out_is_said(tmp_path):
     assert len(mesh.triangles) == 2 and material.model == "pbr"
 
 
+@pytest.mark.parametrize("line", ["d 0.5", "d -halo 0.5", "D -halo 0.0", "Tr 0.5"])
+def test_transparency_is_said(line, tmp_path):
+    with pytest.warns(UserWarning, match="left out are transparency$"):
+        fastibl.read_object(written(tmp_path, f"newmtl a\n{line}\n", "usemtl a\n" + QUAD))
+    read(written(tmp_path, "newmtl a\nd -halo 1.0\n", "usemtl a\n" + QUAD))
+
+
+def test_a_library_without_materials_is_said(tmp_path):
+    path = written(tmp_path, "", "usemtl a\n" + QUAD)
+    for content in ("newmtl a\nKd 1 0 0\n".encode("utf-16"), b"Kd 1 0 0\n"):
+        (tmp_path / "a.mtl").write_bytes(content)
+        with pytest.warns(UserWarning, match=r"a.obj: left out are a.mtl \(defines no material\)$"):
+            assert fastibl.read_object(path, up="z")[1] == fastibl.Material()
+    (tmp_path / "a.mtl").write_text("NEWMTL a\nKD 1 0 0\n")
+    np.testing.assert_array_equal(read(path)[1].base_color, [1, 0, 0])
+
+
 def test_pictures_of_other_kinds_are_left_out(tmp_path):
     """Kd stands in for them, and they are named once."""
     (tmp_path / "Wood.TGA").write_bytes(bytes(60))

@@ -122,10 +122,12 @@ class _Library:
         for name, text in texts.items():
             if text is None:
                 self.leave(f"{name} (not there)")
-            else:
-                self._add(text)
+            elif not self._add(text):
+                self.leave(f"{name} (defines no material)")
 
-    def _add(self, text: str) -> None:
+    def _add(self, text: str) -> bool:
+        """Returns whether there are materials in it."""
+        found = False
         material: dict[str, list[str]] = {}
         own: dict[str, list[str]] = {_BLENDER: []} if text.lstrip().lower().startswith(_BLENDER) else {}
         for row in text.replace("\\\n", " ").splitlines():
@@ -133,12 +135,14 @@ class _Library:
             if kind.startswith("#"):
                 continue
             told = "".join(rest).strip()
-            if kind == "newmtl":
+            if kind.lower() == "newmtl":
+                found = True
                 material = self.materials.setdefault(told, dict(own))
             elif kind.lower() in _NAMING or kind.lower().startswith("map_"):
                 material[kind.lower()] = [told]  # names keep their spaces
             else:
                 material[kind.lower()] = told.split("#")[0].split()
+        return found
 
     def _text(self, name: str) -> str | None:
         try:
@@ -278,6 +282,8 @@ def _is_number(word: str) -> bool:
 
 def _numbers(lines: dict[str, list[str]], kind: str) -> list[float]:
     words = lines.get(kind, [])
+    if words[:1] == ["-halo"]:  # of d: more transparent where a surface faces the viewer
+        words = words[1:]
     return [float(w) for w in words] if all(map(_is_number, words)) else []
 
 
