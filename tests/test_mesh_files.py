@@ -651,6 +651,22 @@ def test_gltf_skins_of_more_than_four_joints(tmp_path):
     np.testing.assert_allclose(fastibl.read_mesh(path, up="z").vertices, POINTS[:3] + [0, 2, 1], atol=1e-6)
 
 
+def test_gltf_skins_of_vertices_without_weight(tmp_path):
+    """They go with the first joint that is named; one of no weight may be any number."""
+    file = Gltf()
+    named = np.uint8([[0, 255, 9, 0], [1, 255, 9, 0], [255, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]])
+    weights = np.float32([[1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], *[[1, 0, 0, 0]] * 3])
+    attributes = {"POSITION": file.add(POINTS), "JOINTS_0": file.add(named), "WEIGHTS_0": file.add(weights)}
+    file.json["nodes"] = [{"mesh": 0, "skin": 0}, {"translation": [0, 0, 4]}, {"translation": [0, 8, 0]}]
+    part = {"attributes": attributes, "indices": file.add(np.uint16([0, 1, 2]))}
+    path = file.write(tmp_path / "a.gltf", [part], skins=[{"joints": [1, 2]}])
+    expected = POINTS[:3] + [(0, 0, 4), (0, 8, 0), (0, 0, 4)]
+    for mesh in (fastibl.read_mesh(path, up="z"), fastibl.read_object(path, up="z")[0]):
+        np.testing.assert_allclose(mesh.vertices, expected, atol=1e-6)
+    path.write_text(path.read_text().replace('"joints": [1, 2]', '"joints": []'))
+    same_error(lambda: fastibl.read_mesh(path), ValueError, "a.gltf", "damaged")
+
+
 def test_gltf_instances(tmp_path):
     """Each by its translation, rotation and scale, in its node; mirrored ones the right way round."""
     file = Gltf()

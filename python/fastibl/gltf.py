@@ -330,17 +330,23 @@ class _File(Container):
 
     def _blended(self, attributes: dict[str, int], joints: NDArray) -> NDArray:
         """Matrices (n, 4, 4) for a skin's vertices: weighted means of joints, of which each attribute set names
-        four."""
+        four; without weight, that of the first one, as in three.js."""
         matrices: Any = 0.0
         whole: Any = 0.0
+        first: Any = None
         for k in range(len(attributes)):
             if f"JOINTS_{k}" not in attributes or f"WEIGHTS_{k}" not in attributes:
                 break
             weights = self.array(attributes[f"WEIGHTS_{k}"]).astype(np.float64)
-            named = joints[self.array(attributes[f"JOINTS_{k}"])]
+            named = self.array(attributes[f"JOINTS_{k}"])
+            named = joints[
+                np.where((weights == 0) & (named >= len(joints)), 0, named)
+            ]  # what fills up may be any number
+            first = named[:, 0] if k == 0 else first
             matrices = matrices + np.einsum("nk,nkij->nij", weights, named)
             whole = whole + weights.sum(axis=1)
-        return matrices / np.maximum(whole, 1e-9)[:, None, None]
+        whole = whole[:, None, None]
+        return np.where(whole > 0, matrices / np.maximum(whole, 1e-9), first)
 
 
 def _lie_of(reference: dict[str, Any]) -> Lie:
