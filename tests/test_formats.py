@@ -649,6 +649,15 @@ def test_rgbd_keeps_the_range():
     assert (rgbd(np.float32([[0, 0, 0], [1e6, 0, 0]])) == [[0, 0, 0, 255], [255, 0, 0, 1]]).all()
 
 
+def test_faces_have_as_many_pixels_as_pictures(marked, tmp_path):
+    path = tmp_path / "a.hdr"
+    fastibl.write_environment(path, marked, height=16)
+    told = "must be at most 4729, for six faces of 134217728 pixels together; got 100000"
+    same_error(lambda: fastibl.read_environment(path, size=100000), ValueError, "size " + told)
+    for name in ("size", "irradiance"):
+        same_error(lambda n=name: fastibl.export_light(marked, tmp_path, **{n: 100000}), ValueError, f"{name} {told}")
+
+
 @pytest.mark.parametrize("axes", ["marker", "gltf"])
 def test_usd_dome_light(marked, tmp_path, axes):
     """Looked up through the transform and by the words of UsdLuxDomeLight: +z in the middle, +x to its left, +y up."""

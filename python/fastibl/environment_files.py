@@ -13,6 +13,7 @@ from . import dds, ktx2, texels
 from ._fastibl import CubeMap, Environment, Response, cubemap_from_equirect, equirect_from_cubemap
 from .axes import from_axes, handed, handedness_of, matrix, picture_shift, radiance_of, to_axes, turned
 from .expected import expect
+from .file_limits import check_face_edge
 from .pictures import ENCODED, LINEAR, read_picture, write_picture
 from .primaries import Given
 
@@ -83,7 +84,9 @@ def read_environment(
 
 
 def from_equirect(image: NDArray[np.float32], size: int, axes: str) -> CubeMap:
-    """The map of an equirectangular picture in the named axes."""
+    """The map of an equirectangular picture in the named axes. Raises ValueError for a size beyond
+    fastibl.file_limits."""
+    check_face_edge("size", size)
     return turned(cubemap_from_equirect(image, size=size), matrix(axes, picture=True).T)
 
 

@@ -20,6 +20,7 @@ from ._fastibl import CubeMap, Environment, Light, _level_parameters
 from .axes import HANDEDNESS, from_axes, handed, handedness_of, matrix, radiance_of, to_axes
 from .environment_files import CUBE_WRITERS, FACES, check_face_layout, write_environment, write_faces
 from .expected import expect
+from .file_limits import check_face_edge
 from .gltf_light import check_gltf_size, write_gltf_light
 from .lighting import Lighting, without_lights
 from .pictures import LINEAR, write_picture
@@ -86,6 +87,7 @@ def export_light(
     """
     if format not in FORMATS:
         raise ValueError(f"format must be one of {', '.join(FORMATS)}, got {format!r}")
+    check_face_edge("size", size)
     expect(irradiance, SupportsIndex, "irradiance")
     if not 1 <= irradiance <= _MOST_IRRADIANCE:
         raise ValueError(f"irradiance must be 1 to {_MOST_IRRADIANCE} texels wide, got {irradiance}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from math import isqrt
 from pathlib import Path
 
 MOST_BYTES = 2**31  # largest size of a file
@@ -74,6 +75,13 @@ def check_file_size(path: Path) -> None:
     size = path.stat().st_size
     if size > MOST_BYTES:
         raise ValueError(f"{path} has {size} bytes; files of up to {MOST_BYTES} bytes are read")
+
+
+def check_face_edge(name: str, edge: int) -> None:
+    """Raises ValueError for a face edge in texels of which six faces have more than `MOST_PIXELS`."""
+    if 6 * edge * edge > MOST_PIXELS:
+        most = isqrt(MOST_PIXELS // 6)
+        raise ValueError(f"{name} must be at most {most}, for six faces of {MOST_PIXELS} pixels together; got {edge}")
 
 
 def check_pixels(path: Path | str, width: int, height: int, layers: int = 1) -> None:
