@@ -372,6 +372,15 @@ def test_radiance_headers(tmp_path):
         np.testing.assert_array_equal(read_picture(path), np.flip(upright, flips))
     _, path = hdr_with(tmp_path, order=b"+X 32 -Y 16")
     same_error(lambda: fastibl.read_environment(path), ValueError, "a.hdr", "columns")
+    data = (tmp_path / "plain.hdr").read_bytes()
+    for head in (
+        data.replace(b"FORMAT=32-bit_rle_rgbe\n", b""),
+        data.replace(b"#?RADIANCE", b"#?AUTOPANO"),
+        data.replace(b"\n\n-Y 16 +X 32\n", b"\r\n\r\n-Y 16 +X 32\r\n").replace(b"\nFORMAT", b"\r\nFORMAT"),
+    ):
+        assert head != data
+        (tmp_path / "other.hdr").write_bytes(head)
+        np.testing.assert_array_equal(read_picture(tmp_path / "other.hdr"), upright)
     (tmp_path / "xyz.hdr").write_bytes(
         path.read_bytes().replace(b"+X 32 -Y 16", b"-Y 16 +X 32").replace(b"rgbe", b"xyze")
     )

@@ -77,7 +77,8 @@ def radiance_size(data: bytes) -> tuple[int, int]:
 
 
 def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], tuple[float, ...]]:
-    """A Radiance .hdr file said to run from the upper left; the axes along which it does not; its exposures.
+    """A Radiance .hdr file with a plain header, which says that it runs from the upper left; the axes along which it
+    does not; its exposures.
 
     The exposures of red, green and blue are the products of its EXPOSURE and COLORCORR lines. Values in the file are
     radiance times these (Ward, Radiance picture files). Raises ValueError for any other file, or one that runs by
@@ -97,10 +98,8 @@ def radiance_upright(data: bytes) -> tuple[bytes, tuple[int, ...], tuple[float, 
         if len(factors) == (1 if name == b"EXPOSURE" else 3):
             exposures = [e * f for e, f in zip(exposures, factors * 3, strict=False)]
     flips = tuple(axis for axis, sign in ((0, b"+"), (1, b"-")) if found[1 if axis == 0 else 3] == sign)
-    upright = b"-Y %d +X %d\n" % (int(found[2]), int(found[4]))
-    if flips:
-        data = head + upright + data[found.end() :]
-    return data, flips, tuple(e if 1e-30 < e < 1e30 else 1.0 for e in exposures)
+    upright = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (int(found[2]), int(found[4]))
+    return upright + data[found.end() :], flips, tuple(e if 1e-30 < e < 1e30 else 1.0 for e in exposures)
 
 
 def radiance_primaries(data: bytes) -> list[float] | None:
@@ -128,11 +127,11 @@ _STARTS = {
 
 def _radiance_head(data: bytes) -> re.Match[bytes]:
     # The size is in the line after the header's blank line; a comment may contain something like it.
-    end = data.find(b"\n\n", 0, 65536)
-    if data.startswith(b"#?") and end > 0:
-        found = _RADIANCE.match(data, end + 2)
+    blank = re.search(rb"\n\r?\n", data[:65536])
+    if data.startswith(b"#?") and blank:
+        found = _RADIANCE.match(data, blank.end())
         if found:
             return found
-        if _BY_COLUMNS.match(data, end + 2):
+        if _BY_COLUMNS.match(data, blank.end()):
             raise ValueError("it runs by columns (X before Y); pictures are read that run by rows")
     raise ValueError("it is no Radiance picture")
