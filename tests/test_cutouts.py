@@ -1,6 +1,8 @@
 """Surfaces that end where their texture's alpha does: glTF's MASK and BLEND, map_d of .mtl files."""
 
+import struct
 import warnings
+import zlib
 
 import cv2
 import numpy as np
@@ -365,3 +367,20 @@ def test_border_cuts_leave_outlines_whole():
     outline = cutouts.Outline(alpha, 0.5, ("repeat", "repeat"))
     [(uvs, *_)], _ = cutouts.cut_out([cutouts.Cut(uvs, values, triangles, outline)])
     assert uvs.max(axis=0) == pytest.approx((1.0005, 1.0005), abs=1e-9)
+
+
+@pytest.mark.parametrize("bits", [1, 4, 8, 16])
+def test_alpha_of_a_grey_that_is_named_transparent(bits):
+    """As a PNG's tRNS names it, in the picture's own bits."""
+    from fastibl.pictures import decode_alpha
+
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    row = {1: b"\x50", 4: b"\x05\x05", 8: bytes([0, 5, 0, 5]), 16: bytes([5, 0, 0, 5, 9, 0, 0, 5])}[bits]
+    data = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">2I5B", 4, 1, bits, 0, 0, 0, 0))
+    key = chunk(b"tRNS", struct.pack(">H", min(5, 2**bits - 1)))
+    pixels = chunk(b"IDAT", zlib.compress(b"\0" + row)) + chunk(b"IEND", b"")
+    white = 65535 if bits == 16 else 255
+    np.testing.assert_array_equal(decode_alpha(data + key + pixels, "a.png"), [[white, 0, white, 0]])
+    assert decode_alpha(data + pixels, "a.png") is None

@@ -127,6 +127,10 @@ def decode_alpha(data: bytes, name: Path | str) -> NDArray[Any] | None:
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ValueError(f"{name} is not a picture that can be read: it is damaged or cut off")
+    if image.ndim == 2 and (at := data.find(b"\0\0\0\2tRNS", 33, data.find(b"IDAT"))) > 0:
+        white, coded = int(np.iinfo(image.dtype).max), 2 ** data[24] - 1  # of a grey of 1, 2 and 4 bits, 8 were made
+        key = int.from_bytes(data[at + 8 : at + 10], "big") * (white // coded)
+        return np.where(image == key, 0, white).astype(image.dtype)
     return np.ascontiguousarray(image[..., 3]) if image.ndim == 3 and image.shape[2] == 4 else None
 
 
