@@ -29,7 +29,7 @@ def test_self_shadow(mesh):
 
 
 def test_plane_exchange(mesh):
-    plain, stray = fastibl._fastibl.PlaneExchange(mesh), fastibl._fastibl.PlaneExchange(with_stray(mesh))
+    plain, stray = fastibl.PlaneExchange(mesh), fastibl._fastibl.PlaneExchange(with_stray(mesh))
     assert stray.extent == plain.extent and stray.centre == plain.centre
     light = [
         e.onto_plane(np.ones((len(m.vertices), 3), np.float32)) for e, m in ((plain, mesh), (stray, with_stray(mesh)))
@@ -40,7 +40,7 @@ def test_plane_exchange(mesh):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_plane_exchange_of_what_is_not_finite_is_refused(mesh, value):
-    exchange = fastibl._fastibl.PlaneExchange(mesh, cells=8)
+    exchange = fastibl.PlaneExchange(mesh, cells=8)
     light = np.ones((len(mesh.vertices), 3), np.float32)
     light[3, 1] = value
     with pytest.raises(ValueError, match="exitance must be finite, got"):

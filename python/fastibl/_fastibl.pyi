@@ -986,7 +986,8 @@ class Capture:
         exposure: multiplier; None where it is not known: it is then estimated from what the map knows of the places in the
         picture, see Taken.
         time: seconds, not decreasing.
-        mask: (h, w) bool or uint8, 0 where the picture shows what is not part of the place.
+        mask: (h, w) bool or uint8, 0 where the picture shows what is not part of the place: no light is read there, nor lamps or
+        the board's white, nor texels for which pixels beside them are read, too.
         last_row: for a rolling shutter, camera_from_marker when the picture's last row was taken; the argument
         camera_from_marker is then that of the first row. In a fisheye or 360 degree picture all rows count as taken half-way
         (10 degrees in a readout: 5 to 6 % of the texels' light).
@@ -1008,9 +1009,13 @@ class Capture:
         `longest` down to `shortest` in stops. camera: a perspective one. camera_from_marker: where it is about to look. Raises
         ValueError for another camera or an invalid range.
         """
-    def turn(self, new_from_old: Pose) -> None:
+    def turn(self, new_from_old: typing.Any) -> None:
         """
-        Tells the capture that the marker was turned: what is above the horizon turns with the rotation of this Pose, lights have to be located anew, and the plane is forgotten.
+        Tells the capture that the marker was turned.
+
+        What is above the horizon turns, and so does a prior; lights have to be located anew, and the plane is forgotten. What the
+        board's white showed of the light stays, unless the plane is tilted by more than 5 degrees.
+        new_from_old: Pose or (4, 4), of which the rotation counts. Raises ValueError for what is none.
         """
     @property
     def box(self) -> numpy.typing.NDArray[numpy.float64] | None:
@@ -1307,14 +1312,14 @@ class PlaneExchange:
         Irradiance of each vertex (v, 3) from cells that send out exitance (cells, cells, 3).
 
         This is linear, so it also works for changes, such as the light that a shadow on the plane takes from the object. Raises
-        ValueError for another shape, TypeError for integers.
+        ValueError for another shape and what is not finite, TypeError for integers.
         """
     def onto_plane(self, exitance: typing.Any) -> numpy.typing.NDArray[numpy.float32]:
         """
         Irradiance of the cells (cells, cells, 3), float32; row 0 has the smallest y.
 
         exitance: (v, 3) light that each vertex sends out, which is its irradiance times its diffuse reflectance.
-        Raises ValueError for another number of vertices.
+        Raises ValueError for another number of vertices, and for what is not finite.
         """
     @property
     def cells(self) -> int:
@@ -1999,6 +2004,8 @@ class _Session:
     def layers(self) -> PictureLayers:
         """
         PictureLayers of the last frame: the layers from which its picture was composed, as floats.
+
+        Also after anything was set; another scene or back end leaves none.
 
         Without the board or anything of the scene in view nothing covers the picture, and the ratio is 1.
         """
