@@ -335,11 +335,11 @@ def test_hard_edges_stay_hard(folder, tmp_path):
     lines = ["v {} {} {}".format(*p) for p in corners]
     lines += ["vn {} {} {}".format(*n) for n in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))]
     lines += ["f " + " ".join(f"{v + 1}//{k + 1}" for v in side) for k, side in enumerate(sides)]
-    (tmp_path / "cube.obj").write_text("\n".join(lines))
-    run("--recording", folder, "--object", tmp_path / "cube.obj", "--up", "z", "--headless", "--poses", "truth",
+    (tmp_path / "cube.OBJ").write_text("\n".join(lines))
+    run("--recording", folder, "--object", tmp_path / "cube.OBJ", "--up", "z", "--headless", "--poses", "truth",
         "--height", 0.09, "--frames", 1, *MATERIAL, "--out", tmp_path / "a.png")  # fmt: skip
     recording = fastibl.Recording.open(folder)
-    mesh = fastibl.stand(fastibl.read_mesh(tmp_path / "cube.obj", up="z"), 0.09)
+    mesh = fastibl.stand(fastibl.read_mesh(tmp_path / "cube.OBJ", up="z"), 0.09)
     assert len(mesh.vertices) == 24
     material = fastibl.Material(diffuse=(0.5, 0.4, 0.3), glossy=(0.2, 0.3, 0.4), exponent=40)
     session = fastibl.Session(fastibl.Scene(mesh, material), recording.rig, recording.board, backend="cpu")

@@ -1,6 +1,7 @@
 #include "demo/object_list.h"
 
 #include <algorithm>
+#include <cctype>
 
 #include "demo/object.h"
 #include "fastibl/core/check.h"
@@ -20,7 +21,10 @@ Mesh ObjectList::mesh(const std::string& name) const {
   if (name == "knot") return knot();
   if (name == "ball") return ball();
   if (name == "steps") return steps();
-  check(std::filesystem::path(name).extension() == ".obj",
+  std::string ending = std::filesystem::path(name).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  check(ending == ".obj",
         "expected a .obj file or one of knot, "
         "ball, steps; got \"",
         name, '"');

@@ -50,7 +50,7 @@ def _polygon(words: Sequence[bytes], number: int) -> NDArray[np.int64]:
 
 def read_stl(path: Path) -> NDArray:
     """Corners (n, 3, 3) of the facets of an .stl, binary or text. Its normals, which are those of the facets, are not
-    read. As many bytes as a text has in place of the number of facets would be more than any file that is read has."""
+    read. A text's letters, in the place of the number of facets, would count more of them than any file has."""
     data = file_bytes(path)
     facets = int.from_bytes(data[_HEAD - 4 : _HEAD], "little")
     need = _HEAD + facets * _FACET.itemsize
