@@ -18,6 +18,7 @@
 
 #include "fastibl/capture/flicker_watch.h"
 #include "fastibl/capture/light_tracks.h"
+#include "fastibl/core/clock.h"
 #include "fastibl/core/parallel.h"
 #include "fastibl/core/parse_number.h"
 #include "fastibl/core/plane_motion.h"
@@ -358,3 +359,15 @@ TEST_CASE("an update of tiles gives these a new version, and others none") {
     CHECK((map.tile_version(tile) != before[std::size_t(tile)]) == (tile == 3 || tile == 7));
   }
 }
+
+#ifdef CLOCK_THREAD_CPUTIME_ID
+TEST_CASE("a thread's own time is not that of others") {
+  const ProcessorClock own(ProcessorClock::Of::thread), all;
+  std::thread([&] {
+    while (all.seconds() < 0.05) {
+    }
+  }).join();
+  CHECK(all.seconds() >= 0.05);
+  CHECK(own.seconds() < 0.025);
+}
+#endif

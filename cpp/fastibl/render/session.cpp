@@ -601,7 +601,7 @@ void Session::process(const Frame& given, FrameResult& result) {
   // A time budget counts the processor's time.
   const OneThread loops(options_.milliseconds > 0 ? Loops::alone : Loops::together);
   const Stopwatch total;
-  // All is done by this thread, but for what a graphics driver has threads of its own for.
+  // This thread does all but the search for a lost board and what a graphics driver does.
   const ProcessorClock processor(renderer_->backend() == "cpu" ? ProcessorClock::Of::thread
                                                                : ProcessorClock::Of::process);
   const bool was_lit = lit();
