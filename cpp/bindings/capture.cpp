@@ -2,6 +2,8 @@
 
 #include <pybind11/stl.h>
 
+#include <sstream>
+
 #include "bindings/numpy.h"
 #include "bindings/one_at_a_time.h"
 #include "bindings/room_box.h"
