@@ -120,15 +120,6 @@ def test_the_way_of_capturing_may_be_set_before_the_first_frame(methods):
     assert made[0] == made[1] and (made[0][0] < np.inf) == (methods == "auto")
 
 
-def test_the_plan_of_a_frame_names_the_passes_that_ran():
-    """Of an object so dark that it is not known before there is light whether its bounce matters."""
-    session = fastibl.Session(ball(fastibl.Material(diffuse=(3e-4,) * 3)), RIG, environment=lit_from_above())
-    for k in range(3):
-        result = session.process(given(float(k)))
-        included = {p.name for p in result.plan.passes if p.included}
-        assert set(result.passes) <= included
-
-
 def test_irradiance_does_not_depend_on_a_glossy_material_before():
     recording = fastibl.simulate(seconds=1, fps=8, size=(160, 120))
     normals = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -0.8, 0.6]]

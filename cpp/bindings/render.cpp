@@ -206,7 +206,7 @@ void bind_process(py::class_<Session>& session_class) {
           frame.back_last_row = require_pose(back_last_row, "back_last_row");
         if (!attitude.is_none()) frame.attitude = require_rotation(attitude, "a frame's attitude");
         return alone(session, [&] {
-          Result result{session.process(frame), {}, session.frame_plan()};
+          Result result{session.process(frame), {}, session.plan()};
           result.shadow = session.shadow_map();
           return result;
         });

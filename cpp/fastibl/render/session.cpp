@@ -92,15 +92,6 @@ bool is_same_light(const Environment& a, const Environment& b) {
          a.radiance == b.radiance;
 }
 
-// Whether two plans run the same passes by the same methods.
-bool makes_the_same(const Plan& a, const Plan& b) {
-  return a.methods == b.methods &&
-         std::equal(a.passes.begin(), a.passes.end(), b.passes.begin(), b.passes.end(),
-                    [](const PlannedPass& p, const PlannedPass& q) {
-                      return p.pass.id == q.pass.id && p.included == q.included;
-                    });
-}
-
 }  // namespace
 
 Session::Session(Scene scene, Rig rig, std::optional<Board> board,
@@ -621,13 +612,11 @@ void Session::process(const Frame& given, FrameResult& result) {
   tracker_.find_motion(frame, result);
   choose_methods();
   run_due(frame, result);
-  frame_plan_ = plan_;
 
   if (stream_.next_frame()) judge_.judge_anew();  // methods for light that stays
   judge_.add_frame();
   if (!fixed_environment_ && environment_ && judge_.looks()) judge_.follow(light_summary());
   update_plan();  // its errors, now that this frame's light is known
-  if (makes_the_same(plan_, frame_plan_)) frame_plan_ = plan_;
   if (!drawn_from_) renderer_->show(frame.back, drawn_by_);
   if (options_.read_back)
     renderer_->image(result.image);

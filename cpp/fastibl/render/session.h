@@ -79,8 +79,7 @@ class Session {
   // was captured counts as a second older.
   void restart_clock() { clock_.restart(); }
 
-  const Plan& plan() const { return plan_; }              // of the next frame, as far as is known
-  const Plan& frame_plan() const { return frame_plan_; }  // by which the last one was made
+  const Plan& plan() const { return plan_; }
   const SessionOptions& options() const { return options_; }
   // Whether the back end has it: naming another one is refused.
   bool has(SelfShadowMethod method) const { return renderer_->has(method); }
@@ -168,7 +167,7 @@ class Session {
   RigCapture capture_;
   std::shared_ptr<const Lighting> lighting_;
   LightShares shares_;
-  Plan plan_, frame_plan_;
+  Plan plan_;
   Products stale_ = product::all & ~product::inputs;
   MethodJudge judge_;
   LightStream stream_;            // of the light that is given
