@@ -41,8 +41,8 @@ KnownCamera& KnownCameras::get(const Camera& camera, int number, int texels) {
       return known;
     }
   camera.validate();
-  if (all.size() ==
-      (perspective ? kCameras : kWideCameras)) {  // a zoom makes a new one for each picture
+  const std::size_t most = perspective ? kCameras : kWideCameras;
+  if (all.size() == most) {  // a zoom makes a new one for each picture
     const auto oldest = std::min_element(
         all.begin(), all.end(),
         [](const KnownCamera& a, const KnownCamera& b) { return a.used < b.used; });

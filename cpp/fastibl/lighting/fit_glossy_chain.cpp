@@ -41,8 +41,8 @@ CubeLevel resampled(const CubeLevel& from, int n) {
           for (int i = 0;; ++i) {
             const double u = cut(x, i, width);
             if (!(width > 1e-9)) break;
-            double weight =
-                0;  // solid angle of the piece, by nine midpoints, or one if it is small
+            // As the piece's solid angle, by nine midpoints, or one where it is small.
+            double weight = 0;
             const int reach = m >= 2 * n ? 0 : 1;
             for (int q = -reach; q <= reach; ++q)
               for (int p = -reach; p <= reach; ++p) {
