@@ -127,9 +127,7 @@ FASTIBL_CLONES void keep_above(const float* x, const float* y, const float* z, i
 
 }  // namespace
 
-float ray_offset(const Mesh& mesh) {
-  return kOffset * bounds(without_strays(mesh).vertices).radius();
-}
+float ray_offset(const Mesh& mesh) { return kOffset * bounds(mesh.vertices).radius(); }
 
 VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm::vec3> points,
                                std::span<const glm::vec3> normals, int size,
@@ -146,8 +144,8 @@ VertexVisibility visibility_at(const Bvh& bvh, float offset, std::span<const glm
 VertexVisibility mesh_visibility(const Mesh& mesh, const VisibilityOptions& options,
                                  const Progress& progress) {
   mesh.validate();
-  return visibility_at(Bvh(mesh), ray_offset(mesh), mesh.vertices, vertex_normals(mesh),
-                       options.size, progress);
+  return visibility_at(Bvh(mesh), ray_offset(without_strays(mesh)), mesh.vertices,
+                       vertex_normals(mesh), options.size, progress);
 }
 
 VertexVisibility sphere_visibility(std::span<const glm::vec3> vertices,
